@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import os
+import signal
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -15,20 +17,27 @@ if TYPE_CHECKING:
     from analyzer.fleet.jobs import Job
 
 MEMORY = "2GiB"  # of a local worker; with 95 % of it a worker is ended, and its capture tried alone
-LEAST_MEMORY = "256MiB"  # below that Dask holds a worker back for what it takes itself, and nothing ever ends
+LEAST_MEMORY = "256MiB"  # below that a worker is ended for what it takes itself, again and again
+_SAFE_PATH = "PYTHONSAFEPATH"
 _AHEAD = 4  # tasks that wait for each worker: enough that none is idle, few enough to stop soon
-# Small captures go to a worker together, as a task has a price of its own; stored bytes of some seconds of work.
-_TASK_BYTES, _TASK_JOBS = 1 << 20, 32
+# Small captures go to a worker together, as a task has a price of its own; stored bytes of a second of work.
+_TASK_BYTES, _TASK_JOBS = 8 << 20, 32
 # What Dask does for its dashboard, which is not there, and looks after many times a second in each process: as much
-# time as a capture takes it, and more. Memory is looked at twice a second: a capture does not fill a GiB in less.
+# time as a capture takes it, and more. Memory is looked at once a second by who ends a worker; the worker itself has
+# nothing that it could write to disk, and if it held captures back until there is more memory, it would for ever.
 _QUIET = {
     "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.tick.cycle": "1s",
+    "distributed.admin.tick.interval": "10s",
+    "distributed.admin.tick.cycle": "10s",
+    "distributed.admin.tick.limit": "60s",
     "distributed.admin.system-monitor.interval": "10s",
-    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
     "distributed.scheduler.work-stealing-interval": "1s",
     "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": 1,  # from its first thread on: see quick_start
     "distributed.worker.preload": ["analyzer.fleet.preload"],
 }
 
@@ -143,26 +152,75 @@ def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
         return
     import logging  # noqa: PLC0415
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if choice.scheduler is None:
+        with _here(choice) as workers:
+            yield workers
+        return
+    try:
+        client = _distributed().Client(choice.scheduler, timeout=30)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"{choice.scheduler}: {error}") from None
+    with client:
+        yield Dask(client)
+
+
+@contextmanager
+def _here(choice: ClusterChoice) -> Iterator[Dask]:
+    """Have workers on this machine, which nothing but this machine can reach."""
+    import logging  # noqa: PLC0415
+
     import dask  # noqa: PLC0415 - of the extra
 
     distributed = _distributed()
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    if choice.scheduler is not None:
-        try:
-            client = distributed.Client(choice.scheduler, timeout=30)
-        except (OSError, ValueError) as error:
-            raise ClusterError(f"{choice.scheduler}: {error}") from None
-        with client:
-            yield Dask(client)
-        return
-    with (
+    with ExitStack() as held:
         # Whoever was on a worker that died is tried alone, rather than with others again.
-        dask.config.set({**_QUIET, "distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True}),
-        distributed.LocalCluster(
-            n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
-            host="127.0.0.1", silence_logs=logging.CRITICAL,
-        ) as local,
-        distributed.Client(local) as client,
-    ):  # fmt: skip
-        calm(local.scheduler)
+        held.enter_context(dask.config.set({
+            **_QUIET, "distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True,
+        }))  # fmt: skip
+        held.enter_context(_without_this_folder())
+        starting = held.enter_context(ExitStack())
+        starting.enter_context(_deaf())
+        try:
+            local = held.enter_context(distributed.LocalCluster(
+                n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
+                host="127.0.0.1", silence_logs=logging.CRITICAL, scheduler_sync_interval="60s",
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # of its health, on any port that is free
+            ))  # fmt: skip
+            client = held.enter_context(distributed.Client(local))
+        except (OSError, RuntimeError) as error:
+            raise ClusterError(f"no workers can be started: {error.__cause__ or error}") from None
+        starting.close()
+        for one in (local.scheduler, *local.workers.values()):
+            calm(one)
         yield Dask(client)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let Ctrl-C wait, and threads and processes that are started meanwhile never hear it: we end them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker  # noqa: PLC0415
+
+    resource_tracker.ensure_running()  # which would have its thread hear it again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _without_this_folder() -> Iterator[None]:
+    """Keep Python of workers from importing what lies in the folder we are in, which may be one of captures."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_SAFE_PATH]
+        else:
+            os.environ[_SAFE_PATH] = before

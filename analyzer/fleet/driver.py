@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
     from analyzer.fleet.cluster import Dask, Serial
     from analyzer.fleet.jobs import FleetSettings, Retries
-    from analyzer.fleet.listing import Listed, Names
-    from analyzer.fleet.store import Store
+    from analyzer.fleet.listing import ListedCapture, Provenance
+    from analyzer.fleet.store import ResultStore
 
 COMMIT_CAPTURES = 500  # a commit costs some 50 ms a table: one for each capture would cost more than the work
 COMMIT_SECONDS = 60.0  # as much as a driver that dies loses at most
 
 
 @dataclass(slots=True)
-class Account:
+class RunCounts:
     """How a run goes: `done` have a result, `unavailable` none, `failed` of those done have no verdict.
 
     `others` tells that somebody else wrote the store meanwhile.
@@ -56,7 +56,7 @@ class Account:
         return (self.done + self.unavailable) / max(time.monotonic() - self.began, 1e-9)
 
 
-def jobs_of(found: Iterable[Listed], names: Names, settings: str) -> list[Job]:
+def jobs_of(found: Iterable[ListedCapture], names: Provenance, settings: str) -> list[Job]:
     """Return a job for each capture, all with the hash of the settings."""
     return [Job(one.url, one.etag, one.size, *names.of(one.url), settings) for one in found]
 
@@ -68,14 +68,18 @@ class FleetRun:
         store: where the results are.
         settings: what decides them.
         retries: for captures that cannot be read now.
-        told: is called with the account after each result.
+        told: is called with the counts after each result.
     """
 
     def __init__(
-        self, store: Store, settings: FleetSettings, retries: Retries, told: Callable[[Account], None] = lambda _: None
+        self,
+        store: ResultStore,
+        settings: FleetSettings,
+        retries: Retries,
+        told: Callable[[RunCounts], None] = lambda _: None,
     ) -> None:
         self._store, self._settings, self._retries, self._told = store, settings, retries, told
-        self.account = Account()
+        self.counts = RunCounts()
         self._held: dict[str, list[pa.Table]] = {}
         self._waiting = 0
         self._committed = time.monotonic()
@@ -85,8 +89,8 @@ class FleetRun:
         run, start, ended = uuid4().hex, time.time_ns(), "interrupted"
         known = self._store.done(retry=retry)
         todo = [replace(job, run=run) for job in jobs if job.key not in known]
-        account = self.account
-        account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
+        counts = self.counts
+        counts.listed, counts.skipped, counts.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries = self._settings, self._retries
 
         def work(some: Sequence[Job]) -> dict[str, bytes]:
@@ -100,9 +104,9 @@ class FleetRun:
             row = {
                 "key": "", "run": run, "command": "check", "version": version(), "settings": settings.digest(),
                 "chosen": json.dumps(settings.chosen(), default=str), "workers": workers.workers, "start_ns": start,
-                "end_ns": time.time_ns(), "ended": ended, "listed": account.listed, "skipped": account.skipped,
-                "done": account.done, "unavailable": account.unavailable, "cpu_s": account.cpu_s,
-                "bytes": account.bytes,
+                "end_ns": time.time_ns(), "ended": ended, "listed": counts.listed, "skipped": counts.skipped,
+                "done": counts.done, "unavailable": counts.unavailable, "cpu_s": counts.cpu_s,
+                "bytes": counts.bytes,
             }  # fmt: skip
             self._held["runs"] = [rows_table("runs", [row])]
             self._commit()
@@ -111,22 +115,22 @@ class FleetRun:
         rows = {name: from_stream(stream) for name, stream in streams.items()}
         for name, some in rows.items():
             self._held.setdefault(name, []).append(some)
-        account = self.account
+        counts = self.counts
         for capture in rows["captures"].select(["outcome", "error", "cpu_s", "bytes"]).to_pylist():
             if capture["outcome"] == UNAVAILABLE:
-                account.unavailable += 1
+                counts.unavailable += 1
             else:
-                account.done += 1
-                account.failed += bool(capture["error"])
-            account.cpu_s += capture["cpu_s"]
-            account.bytes += capture["bytes"]
+                counts.done += 1
+                counts.failed += bool(capture["error"])
+            counts.cpu_s += capture["cpu_s"]
+            counts.bytes += capture["bytes"]
             self._waiting += 1
         late = time.monotonic() - self._committed > COMMIT_SECONDS
         if late or self._waiting >= COMMIT_CAPTURES:
             self._commit()
-        self._told(account)
+        self._told(counts)
 
     def _commit(self) -> None:
         held, self._held, self._waiting = self._held, {}, 0
-        self.account.others |= self._store.append(held)
+        self.counts.others |= self._store.append(held)
         self._committed = time.monotonic()

@@ -5,11 +5,12 @@ from __future__ import annotations
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Self, cast
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 import analyzer
-from analyzer.fleet.driver import Account
-from analyzer.fleet.tables import KILLED, UNAVAILABLE
+from analyzer.fleet.driver import RunCounts
+from analyzer.fleet.tables import KILLED, UNAVAILABLE, plain
 from analyzer.fleet.worker import tried
 from analyzer.sources import UnavailableError
 from analyzer.sources.storage import open_stream
@@ -19,13 +20,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from typing import BinaryIO
 
-    import pyarrow as pa
-
     from analyzer.fleet.cluster import Dask, Serial
     from analyzer.fleet.jobs import FleetSettings, Job, Retries
 
 PARTITIONS = ("vehicle", "date")
 _UNKNOWN = "unknown"
+_URL = "url"
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,18 +123,29 @@ class _Files:
         self._open.clear()
 
 
-def scan(urls: Sequence[str], table: str, columns: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
-    """Yield a table of captures, one after the other, as batches of Arrow: what Polars, Daft and DuckDB take.
+def scan(urls: Sequence[str], table: str, columns: Sequence[str] | None = None) -> pa.RecordBatchReader:
+    """Return a table of captures, one after the other, as a stream of Arrow: what Polars, DuckDB and pandas take.
 
-    Raises `LookupError` for a table or column that there is not, and `CaptureError`.
+    Each row has the `url` of its capture first; of a capture that is damaged come the rows before the damage. Raises
+    `LookupError` for a table or column that there is not, and while it is read `CaptureError`.
     """
     schema = analyzer.schema(table)
     wanted = schema if columns is None else schema.empty_table().select(list(columns)).schema
+    whole = pa.schema([pa.field(_URL, pa.string()), *wanted])
+    return pa.RecordBatchReader.from_batches(whole, _scanned(list(urls), table, whole))
+
+
+def _scanned(urls: Sequence[str], table: str, schema: pa.Schema) -> Iterator[pa.RecordBatch]:
+    columns = schema.names[1:]
     for url in urls:
         with closing(open_stream(url)) as stream:
-            for batch in analyzer.open_capture(stream, tables=[table], columns=columns):
+            capture = analyzer.open_capture(stream, tables=[table], columns=columns)
+            for batch in capture:
                 for rows in batch.messages.values():
-                    yield rows.select(wanted.names)
+                    name = pa.array([plain(url)], pa.string()).take(pa.array([0] * len(rows), pa.int8()))
+                    yield pa.RecordBatch.from_arrays([name, *rows.select(columns).columns], schema=schema)
+            if isinstance(capture.damage, UnavailableError):
+                raise capture.damage
 
 
 class ExportRun:
@@ -144,21 +155,21 @@ class ExportRun:
         settings: which types.
         retries: for captures that cannot be read now.
         goal: what goes where.
-        told: is called with the account after each result.
+        told: is called with the counts after each result.
     """
 
     def __init__(
-        self, settings: FleetSettings, retries: Retries, goal: ExportGoal, told: Callable[[Account], None]
+        self, settings: FleetSettings, retries: Retries, goal: ExportGoal, told: Callable[[RunCounts], None]
     ) -> None:
         self._settings, self._retries, self._goal, self._told = settings, retries, goal, told
-        self.account = Account()
+        self.counts = RunCounts()
         self.errors: list[tuple[str, str]] = []
 
     def over(self, jobs: list[Job], workers: Serial | Dask) -> None:
         """Do them. Raises `ClusterError`, and `OSError` where nothing can be written."""
         todo = missing(jobs, self._goal)
-        account = self.account
-        account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
+        counts = self.counts
+        counts.listed, counts.skipped, counts.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries, goal = self._settings, self._retries, self._goal
 
         def work(some: Sequence[Job]) -> list[dict[str, Any]]:
@@ -169,10 +180,10 @@ class ExportRun:
                 some, rows if error is None else [{"outcome": KILLED, "error": str(error)}], strict=True
             ):
                 if row["outcome"] == UNAVAILABLE:
-                    account.unavailable += 1
+                    counts.unavailable += 1
                 else:
-                    account.done += 1
-                    account.failed += bool(row["error"])
+                    counts.done += 1
+                    counts.failed += bool(row["error"])
                 if row["error"]:
                     self.errors.append((job.url, row["error"]))
-            self._told(account)
+            self._told(counts)

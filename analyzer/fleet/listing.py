@@ -25,7 +25,7 @@ class ListingError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedCapture:
     """A capture as its storage lists it: `etag` changes with its bytes, `size` is None if nobody says it."""
 
     url: str
@@ -33,7 +33,7 @@ class Listed:
     size: int | None
 
 
-def listed(patterns: Sequence[str], without: str) -> Iterator[Listed]:
+def listed(patterns: Sequence[str], without: str) -> Iterator[ListedCapture]:
     """Yield what patterns, folders and addresses name, each once, in order; nothing below `without`, the store.
 
     Raises `ListingError`.
@@ -47,18 +47,21 @@ def listed(patterns: Sequence[str], without: str) -> Iterator[Listed]:
                 yield one
 
 
-def _found(pattern: str) -> list[Listed]:
+def _found(pattern: str) -> list[ListedCapture]:
     from fsspec.core import url_to_fs  # noqa: PLC0415 - of the extra
 
     without_password(pattern)
     try:
         files, path = url_to_fs(pattern)
-        if _MAGIC.search(path):
+        local = bool(_LOCAL & {files.protocol} if isinstance(files.protocol, str) else _LOCAL & set(files.protocol))
+        if _MAGIC.search(path) and not (local and Path(path).exists()):  # a name may have brackets in it
             found = files.glob(path, detail=True)
         elif files.isdir(path):
             found = files.find(path, detail=True)
         else:
             found = {path: files.info(path)}
+        if local:
+            found = {name: _followed(files, name, info) for name, info in found.items()}
         found = _told(files, {name: info for name, info in found.items() if info.get("type") == "file"})
     except FileNotFoundError:
         raise ListingError(f"{pattern}: no such file") from None
@@ -66,14 +69,21 @@ def _found(pattern: str) -> list[Listed]:
         raise ListingError(f"{pattern}: {error}") from None
     except Exception as error:  # whatever a storage raises
         raise ListingError(f"{pattern}: {type(error).__name__}: {error}") from error
-    local = bool(_LOCAL & {files.protocol} if isinstance(files.protocol, str) else _LOCAL & set(files.protocol))
     # A path of SSH does not tell the machine: what stands before it in the pattern does.
     root = pattern.removesuffix(path) if pattern.endswith(path) and not local else ""
     names = {name: name if local else f"{root}{name}" if root else files.unstrip_protocol(name) for name in found}
-    return sorted((Listed(names[name], _etag(info), info.get("size")) for name, info in found.items()), key=_by_url)
+    return sorted(
+        (ListedCapture(names[name], _etag(info), info.get("size")) for name, info in found.items()), key=_by_url
+    )
 
 
-def _by_url(one: Listed) -> str:
+def _followed(files: Any, name: str, info: dict[str, Any]) -> dict[str, Any]:
+    """Return what a link leads to, if that is a file: what is not there, or leads in circles, is no capture."""
+    followed: dict[str, Any] = files.info(name) if info.get("islink") and Path(name).is_file() else info
+    return followed
+
+
+def _by_url(one: ListedCapture) -> str:
     return one.url
 
 
@@ -102,7 +112,7 @@ def _etag(info: Mapping[str, Any]) -> str:
     return f"{info.get('size')}-{changed}"
 
 
-class Names:
+class Provenance:
     """Whose a capture is and of which day: by a pattern over its address, or by a CSV file with the column `url`.
 
     Raises `ValueError` for a pattern without fields, or a wrong CSV file, and `OSError`.
@@ -140,7 +150,13 @@ def _read(path: str) -> dict[str, tuple[str, str]]:
         rows = csv.DictReader(file)
         if "url" not in (rows.fieldnames or ()):
             raise ValueError(f"{path}: line 1: no column url")
-        return {row["url"]: (row.get("vehicle") or "", _day(row.get("date") or "")) for row in rows}
+        found = {}
+        for row in rows:
+            day = row.get("date") or ""
+            if day and not _day(day):
+                raise ValueError(f"{path}: line {rows.line_num}: {day!r} is no day, such as 2026-11-22")
+            found[row["url"]] = row.get("vehicle") or "", _day(day)
+        return found
 
 
 def _day(text: str) -> str:

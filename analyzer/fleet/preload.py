@@ -16,9 +16,13 @@ _HEARTBEAT = 5.0  # seconds; Dask's own half a second is for machines that vanis
 
 
 def quick_start() -> None:
-    """Make the process as quick as a command's, before anything heavy is imported."""
+    """Make the process as quick as a command's, before anything heavy is imported.
+
+    Captures are judged in a thread that is not the first one: with memory of its own it asks the system for each large
+    column anew. All threads share what the first one has.
+    """
     alone()
-    keep_memory()
+    keep_memory(arenas=1)
     plain_arrow()
 
 

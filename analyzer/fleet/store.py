@@ -22,10 +22,10 @@ _SCHEMES = ("s3", "gs", "az", "abfs", "abfss", "adl")  # what Delta can write sa
 _COLOUR, _QUERY = re.compile(r"\x1b\[[\d;]*m"), re.compile(r"(?<=\S)\?\S+")
 _MARK = "captures"  # written last: what it names is done
 # What counts: the newest result of each address, with the rows that the same run wrote. Of equal bytes the first
-# address is counted, others are duplicates.
+# address of a vehicle is counted, others are duplicates.
 _VIEWS = """
 create view latest as select *, sha256 <> '' and row_number() over (partition by case when sha256 = '' then key else
-    sha256 end order by url) > 1 as duplicate
+    sha256 end order by vehicle = '', url) > 1 as duplicate
     from (select * from all_captures qualify row_number() over (partition by url order by at_ns desc, run desc) = 1);
 create view counted as select * from latest where not duplicate;
 """
@@ -35,7 +35,7 @@ class StoreError(Exception):
     """A store that cannot be read or written; says which and why."""
 
 
-class Store:
+class ResultStore:
     """A store at a path or an address. Secrets come from the environment only (AWS_..., GOOGLE_..., AZURE_...).
 
     Raises `StoreError` where its tables are of another form, and `ValueError` for an address that Delta does not know.
@@ -46,7 +46,7 @@ class Store:
         scheme, found, _ = place.partition("://")
         if found and scheme not in _SCHEMES:
             raise ValueError(f"{place}: tables are written to a folder, or to {', '.join(_SCHEMES)} ://")
-        self.place = place if "://" in place else str(Path(place).absolute())
+        self.place = place if "://" in place else os.path.abspath(place)  # noqa: PTH100 - without .. in it
         self._known: dict[str, Any] = {}  # tables as they were when we wrote them last
 
     @property

@@ -187,7 +187,19 @@ TABLES = {
 def rows_table(name: str, rows: list[dict[str, object]]) -> pa.Table:
     """Return rows as a table of the store. Raises `KeyError` for a row that lacks a column."""
     schema = TABLES[name]
-    return pa.table({field.name: pa.array([row[field.name] for row in rows], field.type) for field in schema}, schema)
+    return pa.table({field.name: _column([row[field.name] for row in rows], field.type) for field in schema}, schema)
+
+
+def _column(values: list[object], kind: pa.DataType) -> pa.Array:
+    try:
+        return pa.array(values, kind)
+    except UnicodeEncodeError:  # the name of a file that is no UTF-8: its bytes are shown as \xff
+        return pa.array([plain(one) if isinstance(one, str) else one for one in values], kind)
+
+
+def plain(text: str) -> str:
+    """Return text as it can be stored."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def as_stream(name: str, rows: list[dict[str, object]]) -> bytes:

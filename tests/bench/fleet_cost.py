@@ -1,12 +1,13 @@
 """What a fleet run costs beside a bare process pool that does the same work: python tests/bench/fleet_cost.py
 
-    python tests/bench/fleet_cost.py [--logs 20 60 200] [--seconds 200] [--workers 2] [--folder DIR]
+    python tests/bench/fleet_cost.py [--logs 20 60 200] [--seconds 228] [--workers 2] [--folder DIR]
 
-Makes logs of a flight (some 1,000 frames a second; 200 s are 200 k frames), every second one packed, judges them by a
-pool of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes, for growing
-numbers of logs, so that the fixed part and the cost a capture stand apart. `judging` is what the workers' own clocks
-say of the captures: what is left is the cluster, the store and the start, whatever the machine does besides. Peak
-memory is the largest of any one process.
+Makes logs of a flight (880 frames a second; 228 s are 200 k frames), every second one packed, judges them by a pool of
+processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes, for growing numbers of
+logs, so that the fixed part and the cost a capture stand apart. Of each the part in brackets is what the workers' own
+clocks say of the captures, which is the same work and differs only by what else the machine does: `beside judging` is
+what is left, the cluster, the store and the start, less what is left of the pool. Peak memory is the largest of any
+one process.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from analyzer.fleet.store import Store
+from analyzer.fleet.store import ResultStore
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -35,6 +36,7 @@ _POOL = """
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from analyzer.fleet.jobs import FleetSettings, Job, Retries
 from analyzer.fleet.preload import quick_start
 from analyzer.fleet.worker import judge
@@ -44,7 +46,8 @@ def one(path):
 
 if __name__ == "__main__":
     with ProcessPoolExecutor(int(sys.argv[1]), get_context("spawn"), quick_start) as pool:
-        print(sum(len(rows["captures"]) for rows in pool.map(one, sys.argv[2:])))
+        judging = sum(rows["captures"][0]["cpu_s"] for rows in pool.map(one, sys.argv[2:]))
+    Path(sys.argv[0]).with_suffix(".judging").write_text(str(judging))
 """
 
 
@@ -86,7 +89,7 @@ def main() -> None:
     """Measure what the arguments ask for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, nargs="+", default=[20, 60, 200])
-    for name, usual in (("seconds", 200), ("workers", 2)):
+    for name, usual in (("seconds", 228), ("workers", 2)):
         parser.add_argument(f"--{name}", type=int, default=usual)
     parser.add_argument("--folder", type=Path)
     args = parser.parse_args()
@@ -98,18 +101,19 @@ def main() -> None:
     for some in sorted(args.logs):
         shutil.rmtree(folder / "results", ignore_errors=True)
         pool, pool_mb = cpu([sys.executable, str(script), str(args.workers), *paths[:some]])
+        its = float(script.with_suffix(".judging").read_text())
         command = [sys.executable, "-m", "analyzer", "fleet", "check", *paths[:some], "-o", str(folder / "results")]
         fleet, fleet_mb = cpu([*command, "--workers", str(args.workers)])
-        ((judging,),) = Store(str(folder / "results")).connected().execute("select cpu_s from runs").fetchall()
-        spent.append((some, fleet - pool, fleet - judging))
+        ((judging,),) = ResultStore(str(folder / "results")).connected().execute("select cpu_s from runs").fetchall()
+        spent.append((some, fleet - pool, fleet - judging - (pool - its)))
         sys.stdout.write(
-            f"{some:>5} logs  pool {pool:7.1f} s  fleet {fleet:7.1f} s  judging {judging:7.1f} s  beside the pool "
-            f"{fleet - pool:+5.1f} s  beside judging {fleet - judging:+5.1f} s  peak {pool_mb:.0f}, {fleet_mb:.0f} MB\n"
+            f"{some:>5} logs  pool {pool:6.1f} s ({its:6.1f})  fleet {fleet:6.1f} s ({judging:6.1f})  more "
+            f"{fleet - pool:+5.1f} s, beside judging {spent[-1][2]:+5.1f} s  peak {pool_mb:.0f}, {fleet_mb:.0f} MB\n"
         )
         sys.stdout.flush()
     for (few, *before), (many, *after) in pairwise(spent):
-        pool, judging = ((late - early) / (many - few) * 1000 for early, late in zip(before, after, strict=True))
-        sys.stdout.write(f"{few} to {many}: {pool:.1f} ms a capture beside the pool, {judging:.1f} beside judging\n")
+        more, beside = ((late - early) / (many - few) * 1000 for early, late in zip(before, after, strict=True))
+        sys.stdout.write(f"{few} to {many}: {more:.1f} ms a capture more, {beside:.1f} beside judging\n")
     if args.folder is None:
         shutil.rmtree(folder)
 

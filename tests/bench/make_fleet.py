@@ -1,8 +1,10 @@
-"""A fleet to try reports on: vehicles, firmware, one ESC that ages, damaged, foreign, equal files; and its key.
+"""A fleet to try reports on: vehicles, firmware, one ESC that ages, damaged, foreign, equal, vanishing files; its key.
 
     python tests/bench/make_fleet.py FOLDER [--vehicles 6] [--days 24] [--seed 1]
 
 `FOLDER/<vehicle>/<date>/flight.log.gz`, and `FOLDER/key.json`, which says what a report has to find, and nothing else.
+What the key calls vanishing is to be removed between listing and reading, and could not be read then; if it is left
+there, it is one more capture without a flight.
 """
 
 from __future__ import annotations
@@ -135,9 +137,11 @@ def make(folder: Path, vehicles: int = 6, days: int = 24, seed: int = 1) -> dict
     _write(folder, 1, days + 1, "garbage.log.gz", bytes(chance.randrange(256) for _ in range(3000)))
     _write(folder, 2, days, "empty.log.gz", b"")
     _write(folder, 2, days + 1, "foreign.log.gz", packed(_foreign(days + 1, chance)))
+    vanishing = _write(folder, 4, days, "vanishing.log.gz", packed(_foreign(days, chance)))
     key = {
         "vehicles": vehicles,
-        "captures": vehicles * days + 6,
+        "captures": vehicles * days + 7,
+        "vanishing": [str(vanishing.relative_to(folder))],
         "duplicates": 1,
         "unreadable": 1,
         "damaged": 1,
@@ -172,10 +176,11 @@ def _foreign(day: int, chance: random.Random) -> list[Frame]:
     ]
 
 
-def _write(folder: Path, vehicle: int, day: int, name: str, data: bytes) -> None:
+def _write(folder: Path, vehicle: int, day: int, name: str, data: bytes) -> Path:
     path = folder / f"v{vehicle:02}" / (FIRST_DAY + timedelta(day)).isoformat() / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
+    return path
 
 
 def main() -> None:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import fsspec
 import pytest
+from kit.command import wait_until
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 from moto.server import ThreadedMotoServer
 
 from analyzer.fleet.cluster import ClusterChoice, Serial, cluster
 from analyzer.fleet.driver import FleetRun, jobs_of
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore
 
 pytestmark = [
     pytest.mark.slow,
@@ -26,50 +29,51 @@ import sys
 from analyzer.fleet import driver
 from analyzer.fleet.cluster import ClusterChoice, cluster
 from analyzer.fleet.jobs import FleetSettings, Retries
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore
 
-def told(account):
-    print(account.done, flush=True)
+def told(counts):
+    print(counts.done, flush=True)
 
 if __name__ == "__main__":
     driver.COMMIT_CAPTURES = 2
-    store, settings = Store(sys.argv[2]), FleetSettings()
-    jobs = driver.jobs_of(listed([sys.argv[1]], store.place), Names(), settings.digest())
+    store, settings = ResultStore(sys.argv[2]), FleetSettings()
+    jobs = driver.jobs_of(listed([sys.argv[1]], store.place), Provenance(), settings.digest())
     with store.alone(), cluster(ClusterChoice(workers=2)) as workers:
         driver.FleetRun(store, settings, Retries(2, 0.01), told).over(jobs, workers)
 """
 
 
 def jobs_in(place, store):
-    return jobs_of(listed([str(place)], store.place), Names(), SETTINGS.digest())
+    return jobs_of(listed([str(place)], store.place), Provenance(), SETTINGS.digest())
 
 
 @pytest.fixture
 def serial(logs, tmp_path):  # noqa: F811 - pytest's way
-    store = Store(str(tmp_path / "serial"))
+    store = ResultStore(str(tmp_path / "serial"))
     FleetRun(store, SETTINGS, QUICK).over(jobs_in(logs, store), Serial())
     return content(store)
 
 
 def test_a_worker_that_is_killed_changes_nothing(logs, tmp_path, serial):  # noqa: F811
-    store = Store(str(tmp_path / "results"))
+    store = ResultStore(str(tmp_path / "results"))
     with cluster(ClusterChoice(workers=2)) as workers:
         pids = list(workers._client.run(os.getpid).values())
+        assert set(workers._client.run(os.getenv, "MALLOC_ARENA_MAX").values()) == {"1"}  # of all their threads
 
-        def told(account):
-            if account.done == 2:
+        def told(counts):
+            if counts.done == 2:
                 os.kill(pids[0], signal.SIGKILL)
 
         run = FleetRun(store, SETTINGS, QUICK, told)
         run.over(jobs_in(logs, store), workers)
-    assert run.account.done == run.account.listed
+    assert run.counts.done == run.counts.listed
     assert content(store) == serial
-    assert len(store.opened("captures").to_pyarrow_table()) == run.account.listed
+    assert len(store.opened("captures").to_pyarrow_table()) == run.counts.listed
 
 
 def test_a_capture_that_kills_its_worker_is_an_error_and_no_more(logs, tmp_path, serial):  # noqa: F811
-    store = Store(str(tmp_path / "results"))
+    store = ResultStore(str(tmp_path / "results"))
 
     class Deadly:
         """Workers that die of one capture."""
@@ -93,11 +97,11 @@ def test_a_capture_that_kills_its_worker_is_an_error_and_no_more(logs, tmp_path,
         ("v0_again.log.gz", "killed", None, "its worker died of it, alone again")
     ]
     assert len(content(store)["captures"]) == len(serial["captures"])
-    assert Store.done(store, retry=False) - Store.done(store, retry=True) != set()
+    assert ResultStore.done(store, retry=False) - ResultStore.done(store, retry=True) != set()
 
 
 def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noqa: F811
-    store, script = Store(str(tmp_path / "results")), tmp_path / "driver.py"
+    store, script = ResultStore(str(tmp_path / "results")), tmp_path / "driver.py"
     script.write_text(_DRIVER)
     with subprocess.Popen(
         [sys.executable, str(script), str(logs), store.place], stdout=subprocess.PIPE, text=True
@@ -112,8 +116,41 @@ def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noq
     run = FleetRun(store, SETTINGS, QUICK)
     with store.alone(), cluster(ClusterChoice(workers=2)) as workers:
         run.over(jobs_in(logs, store), workers)
-    assert run.account.skipped == len(done)
+    assert run.counts.skipped == len(done)
     assert content(store) == serial
+
+
+def test_ctrl_c_on_a_terminal_is_told_in_plain_lines(logs, tmp_path):  # noqa: F811
+    """The terminal sends it to all processes at once, here as the first worker starts."""
+    arguments = ["fleet", "check", str(logs), "-o", str(tmp_path / "results"), "--workers", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "analyzer", *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as run:
+        wait_until(lambda: any(b"spawn_main" in command_of(pid) for pid in group(run.pid)))
+        os.killpg(run.pid, signal.SIGINT)
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert [line for line in said.splitlines() if not line.startswith("-- ")] == [], said
+    assert "interrupted: the same command goes on" in said
+    wait_until(lambda: not group(run.pid))
+
+
+def group(number):
+    """Return the processes of a group."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError, IndexError):
+            if int((place / "stat").read_text().rpartition(")")[2].split()[2]) == number:
+                found.append(int(place.name))
+    return found
+
+
+def command_of(pid):
+    """Return the arguments of a process; nothing if it has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
 
 
 @pytest.fixture
@@ -139,9 +176,9 @@ def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F81
     place, files = storage
     for path in logs.iterdir():
         files.put_file(str(path), f"fleet/logs/{path.name}")
-    alone, both = Store(f"{place}/alone"), Store(f"{place}/both")
+    alone, both = ResultStore(f"{place}/alone"), ResultStore(f"{place}/both")
     patterns = [f"{place}/logs/*.gz"]
-    jobs = jobs_of(listed(patterns, both.place), Names(), SETTINGS.digest())
+    jobs = jobs_of(listed(patterns, both.place), Provenance(), SETTINGS.digest())
     FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
     with cluster(ClusterChoice(workers=2)) as workers:
         FleetRun(both, SETTINGS, QUICK).over(jobs, workers)
@@ -149,7 +186,7 @@ def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F81
     assert {one[1] for one in content(both)["captures"]} == {job.url for job in jobs}
     run = FleetRun(both, SETTINGS, QUICK)
     run.over(jobs, Serial())
-    assert (run.account.skipped, run.account.done) == (len(jobs), 0)
+    assert (run.counts.skipped, run.counts.done) == (len(jobs), 0)
     assert command("triage", f"{place}/logs/v4_control-lost.log.gz")[0] == 0
     status, _, said = command("triage", f"{place}/logs/gone.log.gz")
     assert (status, said.count("\n")) == (3, 1), said
@@ -167,8 +204,8 @@ def test_two_commands_at_once_on_a_storage(logs, storage):  # noqa: F811
     ):
         told = [each.communicate()[1] for each in (one, two)]
     assert [one.returncode, two.returncode] == [0, 0], told
-    alone, both = Store(f"{place}/alone"), Store(f"{place}/both")
-    jobs = jobs_of(listed([f"{place}/logs/*.gz"], both.place), Names(), SETTINGS.digest())
+    alone, both = ResultStore(f"{place}/alone"), ResultStore(f"{place}/both")
+    jobs = jobs_of(listed([f"{place}/logs/*.gz"], both.place), Provenance(), SETTINGS.digest())
     FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
     assert content(both) == content(alone)
     runs = both.connected().execute("select ended, done + skipped from runs").fetchall()
@@ -196,7 +233,7 @@ def test_a_scheduler_of_its_own(logs, tmp_path, serial, command):  # noqa: F811
         worker = subprocess.Popen([*run, "--host", "127.0.0.1"], stderr=subprocess.PIPE, text=True)
         assert worker.stderr is not None
         next(line for line in worker.stderr if "Registered to" in line)
-        store = Store(str(tmp_path / "results"))
+        store = ResultStore(str(tmp_path / "results"))
         status, _, said = command("fleet", "check", logs, "-o", store.place, "--scheduler", address)
         assert (status, "on 1 workers" in said) == (3, True), said
         assert content(store) == serial

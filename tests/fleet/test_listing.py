@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from analyzer.fleet.jobs import Job
-from analyzer.fleet.listing import ListingError, Names, listed
+from analyzer.fleet.listing import ListingError, Provenance, listed
 
 
 @pytest.fixture
@@ -57,13 +57,13 @@ def test_a_capture_that_changes_is_another_one(logs):
     ],
 )
 def test_a_pattern_tells_vehicle_and_day(pattern, url, found):
-    assert Names(pattern).of(url) == found or (pattern.endswith("**/*.log") and Names(pattern).of(url)[0])
+    assert Provenance(pattern).of(url) == found or (pattern.endswith("**/*.log") and Provenance(pattern).of(url)[0])
 
 
 def test_a_table_tells_them_before_the_pattern(tmp_path):
     table = tmp_path / "names.csv"
     table.write_text("url,vehicle,date\na.log,v9,2026-01-02\n/nas/b.log,v8,\n")
-    of = Names("{vehicle}/*.log", str(table)).of
+    of = Provenance("{vehicle}/*.log", str(table)).of
     assert of("/nas/a.log") == ("v9", "2026-01-02")
     assert of("/nas/b.log") == ("v8", "")
     assert of("/nas/c.log") == ("nas", "")
@@ -72,11 +72,18 @@ def test_a_table_tells_them_before_the_pattern(tmp_path):
 @pytest.mark.parametrize("pattern", ["*.log", "{name}/*.log", "{vehicle}/{vehicle}"])
 def test_a_wrong_pattern_is_said(pattern):
     with pytest.raises(ValueError, match="--name"):
-        Names(pattern)
+        Provenance(pattern)
 
 
-def test_a_wrong_table_is_said(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("file,vehicle\n", "line 1: no column url"),
+        ("url,date\na.log,2026-11-22\nb.log,22.11.2026\n", "line 3: '22.11.2026'"),
+    ],
+)
+def test_a_wrong_table_is_said(tmp_path, text, said):
     table = tmp_path / "names.csv"
-    table.write_text("file,vehicle\n")
-    with pytest.raises(ValueError, match="line 1: no column url"):
-        Names(None, str(table))
+    table.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        Provenance(None, str(table))

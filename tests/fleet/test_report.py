@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from bench.make_fleet import make
 
+from analyzer.app.version import version
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.jobs import FleetSettings, Retries
-from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.listing import Provenance, listed
 from analyzer.fleet.report import page, text
 from analyzer.fleet.report.build import build
-from analyzer.fleet.store import Store
+from analyzer.fleet.store import ResultStore
+from analyzer.fleet.tables import TABLES, rows_table
 
 pytestmark = pytest.mark.slow
 
@@ -22,9 +25,11 @@ pytestmark = pytest.mark.slow
 def fleet(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fleet")
     key = make(folder / "logs")
-    store, settings = Store(str(folder / "results")), FleetSettings()
-    names = Names("{vehicle}/{date}/*.log.gz")
+    store, settings = ResultStore(str(folder / "results")), FleetSettings()
+    names = Provenance("{vehicle}/{date}/*.log.gz")
     jobs = jobs_of(listed([str(folder / "logs/**/*.log.gz")], store.place), names, settings.digest())
+    for name in key["vanishing"]:
+        (folder / "logs" / name).unlink()
     FleetRun(store, settings, Retries(2, 0.01)).over(jobs, Serial())
     return store, key
 
@@ -37,7 +42,11 @@ def report(fleet):
 def test_what_there_is(report, fleet):
     head, key = report.head, fleet[1]
     assert (head.captures, head.vehicles, head.duplicates) == (key["captures"], key["vehicles"], key["duplicates"])
-    assert (head.unreadable, head.damaged, head.unavailable) == (key["unreadable"], key["damaged"], 0)
+    assert (head.unreadable, head.damaged, head.unavailable) == (
+        key["unreadable"],
+        key["damaged"],
+        len(key["vanishing"]),
+    )
 
 
 def test_odd_escs(report, fleet):
@@ -68,10 +77,13 @@ def test_nothing_got_worse(report):
 
 
 @pytest.mark.parametrize("width", [80, 200])
-def test_the_screen_fits(report, width):
+def test_the_screen_fits_and_begins_with_the_answer(report, width):
     shown = text.render(report, width=width)
     assert max(len(line) for line in shown.splitlines() if "/logs/" not in line) <= width
-    for word in ("Open these first", "v03       2 temperature", "TRF-003", "not separable", "nothing", "Duplicates 1"):
+    assert "judged captures fail, of 3 vehicles (v0" in " ".join(shown.split("\n\n")[0].split())
+    shown = " ".join(shown.split("\n\n")[0].split()) + shown
+    words = ["Open these first", "v03       2 temperature", "TRF-003", "not separable", "nothing", "Duplicates 1"]
+    for word in (*words, "1 odd ESC: v03 ch2", "more often with firmware 2.5"):
         assert word in shown, word
 
 
@@ -89,5 +101,34 @@ def test_for_programs_and_browsers(report, fleet, command, tmp_path):
     assert json.loads((tmp_path / "fleet.json").read_text())["head"]["captures"] == report.head.captures
     html = (tmp_path / "fleet.html").read_text()
     assert html.count("<svg") == len(report.odd) == 1
+    assert f"tailbyte {version()}, rules {FleetSettings().digest()}" in html
     assert "http" not in html.replace("http-equiv", "")
     assert page.render(report).startswith("<!doctype html>")
+
+
+def test_names_that_others_chose_are_text_and_no_more(report):
+    evil = "<script>alert(1)</script>\x1b[31m\u202e&\"'" + "long" * 20
+    vehicles = tuple(replace(one, vehicle=evil) for one in report.vehicles)
+    found = replace(report, vehicles=vehicles, odd=tuple(replace(one, vehicle=evil) for one in report.odd))
+    html = page.render(found)
+    assert [word for word in ("<script", "\x1b", "\u202e", '&"') if word in html] == []
+    for by in (None, "esc", "vehicle"):
+        shown = text.render(found, by=by)
+        assert "\x1b" not in shown
+        assert by is not None or max(len(line) for line in shown.splitlines() if "/logs/" not in line) <= 80
+
+
+def test_a_fleet_of_which_nothing_is_known(tmp_path):
+    store = ResultStore(str(tmp_path / "results"))
+    store.append({"runs": [rows_table("runs", [{**dict.fromkeys(TABLES["runs"].names), "key": "", "run": "1"}])]})
+    found = build(store, "7d", 20)
+    assert "0 of 0 judged captures fail" in " ".join(text.render(found).split())
+    assert "<p>None.</p>" in page.render(found)
+
+
+def test_a_long_table_is_folded(report):
+    many = tuple(replace(report.vehicles[0], vehicle=f"v{number:03}") for number in range(500))
+    html = page.render(replace(report, vehicles=many))
+    assert html.count("<details>") == 1
+    assert "and 450 more" in html
+    assert "v499" in html

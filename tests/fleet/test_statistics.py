@@ -10,9 +10,12 @@ import pytest
 from analyzer.fleet.report.statistics import (
     binomial_p,
     discoveries,
+    dispersed_p,
+    dispersion,
+    level_p,
     rate_interval,
     seen_ratio,
-    trend_p,
+    stratified_p,
     turning_point,
 )
 
@@ -46,11 +49,31 @@ def test_thousands_of_tests_of_chance_find_next_to_nothing() -> None:
     assert discoveries([]) == []
 
 
-def test_a_trend_is_told_from_noise() -> None:
+def test_a_level_is_told_from_noise() -> None:
     chance = np.random.default_rng(1)
     noise = chance.normal(0, 1, 40)
-    assert trend_p(noise) > 0.01 > trend_p(noise + np.arange(40) * 0.2)
-    assert trend_p(np.zeros(40)) == 1.0
+    assert level_p(noise[:5], noise[5:], 1.0) > 0.01 > level_p(noise[:5] + 4, noise[5:], 1.0)
+    every = [level_p(*np.split(chance.normal(0, 1, 25), [5]), 1.0) for _ in range(4000)]
+    assert sum(p < 0.01 for p in every) < 60
+
+
+def test_sums_of_counts_with_chances_of_their_own() -> None:
+    assert stratified_p([(8, 10, 0.5)]) == pytest.approx(binomial_p(8, 10, 0.5))
+    assert stratified_p([(4, 5, 0.5), (4, 5, 0.5)]) == pytest.approx(binomial_p(8, 10, 0.5))
+    assert stratified_p([(9, 9, 0.9), (1, 9, 0.1)]) > 0.5  # as many as each of them has by chance
+    assert stratified_p([(5, 5, 1.0)]) == stratified_p([]) == 1.0
+    many = [(2520, 5000, 0.5)]
+    assert stratified_p(many) == pytest.approx(binomial_p(*many[0]), rel=0.01)
+
+
+def test_counts_that_one_vehicle_has_say_less() -> None:
+    even, uneven = [[(5, 1.0)] * 10, [(1, 1.0)] * 10], [[(50, 1.0), *[(0, 1.0)] * 9], [(1, 1.0)] * 10]
+    assert dispersion(even) == 1.0
+    assert dispersion(uneven) > 10
+    assert dispersion([[(3, 1.0)], [(9, 1.0)]]) == 1.0  # nothing to tell it by
+    p = binomial_p(50, 60, 0.5)
+    assert dispersed_p(p, 1.0) == pytest.approx(p)
+    assert dispersed_p(p, dispersion(uneven)) > 0.05
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0])

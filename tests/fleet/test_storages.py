@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import sys
 from collections import Counter
 from types import SimpleNamespace
@@ -17,8 +18,9 @@ from kit.storages import serving
 
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store, StoreError
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore, StoreError
+from analyzer.fleet.tables import TABLES, rows_table
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of libraries, about sockets that they leave open
 KINDS = ("web", "google", "azure", "ssh")
@@ -34,12 +36,26 @@ def storage(request, tmp_path, monkeypatch):
         return
     with serving(request.param, files) as port:
         at = f"http://127.0.0.1:{port}"
-        monkeypatch.setenv("STORAGE_EMULATOR_HOST", at)
-        monkeypatch.setenv(
-            "AZURE_STORAGE_CONNECTION_STRING",
-            f"DefaultEndpointsProtocol=http;AccountName=fleet;AccountKey=c2VjcmV0;BlobEndpoint={at}/fleet;",
-        )
+        _known(at, tmp_path, monkeypatch)
         yield files, {"web": f"{at}/all", "google": "gs://logs/all", "azure": "az://logs/all"}[request.param]
+
+
+def _known(at, place, monkeypatch):
+    """Have fsspec and Delta ask this server for Google's storage, and for Azure's."""
+    account = place / "account.json"
+    account.write_text(json.dumps({
+        "gcs_base_url": at, "disable_oauth": True, "client_email": "", "private_key": "", "private_key_id": "",
+    }))  # fmt: skip
+    for name, value in {
+        "STORAGE_EMULATOR_HOST": at,
+        "GOOGLE_SERVICE_ACCOUNT": str(account),
+        "AZURE_STORAGE_CONNECTION_STRING": "DefaultEndpointsProtocol=http;AccountName=devstoreaccount1;"
+        f"AccountKey=c2VjcmV0;BlobEndpoint={at}/devstoreaccount1;",
+        "AZURE_STORAGE_USE_EMULATOR": "true",
+        "AZURE_STORAGE_ACCOUNT_NAME": "devstoreaccount1",
+        "AZURITE_BLOB_STORAGE_URL": at,
+    }.items():
+        monkeypatch.setenv(name, value)
 
 
 class _Folder(dict):
@@ -69,8 +85,8 @@ def _ssh(tmp_path, monkeypatch):
 def over(pattern, store):
     fsspec.get_filesystem_class(pattern.partition(":")[0]).clear_instance_cache()
     run = FleetRun(store, SETTINGS, QUICK)
-    run.over(jobs_of(listed([pattern], store.place), Names("{vehicle}_*.log.gz"), SETTINGS.digest()), Serial())
-    return run.account
+    run.over(jobs_of(listed([pattern], store.place), Provenance("{vehicle}_*.log.gz"), SETTINGS.digest()), Serial())
+    return run.counts
 
 
 @pytest.mark.slow
@@ -79,12 +95,12 @@ def test_captures_of_a_storage(storage, logs, tmp_path, command):  # noqa: F811 
     picked = ("v0_hover.log.gz", "v1_cut.log.gz", "v2_garbage.log.gz")
     for name in picked:
         files[f"all/{name}"] = (logs / name).read_bytes()
-    store, here = Store(str(tmp_path / "results")), Store(str(tmp_path / "here"))
-    account = over(f"{place}/*.gz", store)
-    assert (account.done, account.failed, account.unavailable) == (3, 1, 0)
+    store, here = ResultStore(str(tmp_path / "results")), ResultStore(str(tmp_path / "here"))
+    counts = over(f"{place}/*.gz", store)
+    assert (counts.done, counts.failed, counts.unavailable) == (3, 1, 0)
     for name in picked:
         run = FleetRun(here, SETTINGS, QUICK)
-        run.over(jobs_of(listed([str(logs / name)], here.place), Names(), SETTINGS.digest()), Serial())
+        run.over(jobs_of(listed([str(logs / name)], here.place), Provenance(), SETTINGS.digest()), Serial())
     mine, its = (
         answers.connected()
         .execute("select sha256, outcome, verdict, frames, transfers from latest order by 1")
@@ -105,6 +121,44 @@ def test_captures_of_a_storage(storage, logs, tmp_path, command):  # noqa: F811 
     assert command("triage", f"{place}/v2_garbage.log.gz")[0] == 0
     status, _, said = command("triage", f"{place}/gone.log.gz")
     assert (status, said.count("\n")) == (3, 1), said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("storage", ["google", "azure"], indirect=True)
+def test_results_in_a_storage(storage, logs, tmp_path, command):  # noqa: F811
+    files, place = storage
+    for name in ("v0_hover.log.gz", "v1_cut.log.gz", "v5_faults.log.gz"):
+        files[f"all/{name}"] = (logs / name).read_bytes()
+    store, here = ResultStore(place.replace("/all", "/results")), ResultStore(str(tmp_path / "here"))
+    for one in (store, here):
+        over(f"{place}/*.gz", one)
+    assert content(store) == content(here)
+    again = over(f"{place}/*.gz", store)
+    assert (again.skipped, again.done) == (3, 0)
+    files["all/v0_hover.log.gz"] = (logs / "v4_control-lost.log.gz").read_bytes()
+    assert over(f"{place}/*.gz", store).done == 1
+    before = content(store)
+    assert command("fleet", "compact", store.place)[0] == 0
+    assert content(store) == before
+    assert command("fleet", "report", store.place)[1].startswith(f"Fleet {store.place}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("storage", ["google", "azure"], indirect=True)
+def test_two_drivers_of_a_storage_keep_each_other_s_commits(storage):
+    """Each knows the table as it was before the other one wrote."""
+    _, place = storage
+    one, other = (ResultStore(place.replace("/all", "/results")) for _ in range(2))
+    one.append({"runs": [rows_table("runs", [_run("first")])]})
+    other.append({"runs": [rows_table("runs", [_run("second")])]})
+    one.append({"runs": [rows_table("runs", [_run("third")])]})
+    other.append({"runs": [rows_table("runs", [_run("fourth")])]})
+    found = one.connected().execute("select run from runs order by 1").fetchall()
+    assert [run for (run,) in found] == ["first", "fourth", "second", "third"]
+
+
+def _run(name):
+    return {**dict.fromkeys(TABLES["runs"].names), "key": "", "run": name}
 
 
 @pytest.mark.parametrize(
@@ -157,5 +211,5 @@ def test_what_stands_behind_an_address_may_be_a_key_and_is_not_repeated(monkeypa
 
     monkeypatch.setattr("deltalake.DeltaTable", refuse)
     with pytest.raises(StoreError) as caught:
-        Store("s3://logs/results").opened("captures")
+        ResultStore("s3://logs/results").opened("captures")
     assert str(caught.value) == "s3://logs/results/captures: no: GET https://fleet.test/a failed: what now?"

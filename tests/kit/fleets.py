@@ -14,7 +14,7 @@ from kit import CAPTURES
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from analyzer.fleet.store import Store
+    from analyzer.fleet.store import ResultStore
 
 GOOD = ("hover", "hover-4", "bus-break", "duplicate-node", "control-lost", "faults")
 SETTINGS = FleetSettings()
@@ -38,7 +38,7 @@ def logs(tmp_path: Path) -> Path:
     return folder
 
 
-def content(store: Store) -> dict[str, list[tuple[Any, ...]]]:
+def content(store: ResultStore) -> dict[str, list[tuple[Any, ...]]]:
     """Return the rows that count of every table but `runs`, sorted, without what differs from run to run."""
     answers = store.connected()
     found = {}

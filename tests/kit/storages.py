@@ -1,7 +1,7 @@
 """Small stand-ins for storages, on the loopback: a web server, Google Cloud Storage, Azure blobs.
 
 Each serves files of a dictionary (name -> bytes) that a test may change meanwhile, and only as much of its protocol as
-listing and reading by ranges take.
+listing, reading by ranges and, but for the web server, writing what is not there yet take.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ _CHANGED = "Thu, 01 Oct 2026 08:00:00 GMT"
 class _Server(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     files: Files
+    lock: threading.Lock
+    taken = 412  # the status for what is there, and must not be
 
     def log_message(self, *_: object) -> None:
         """Say nothing."""
@@ -52,6 +54,25 @@ class _Server(BaseHTTPRequestHandler):
         self.end_headers()
         if self.command != "HEAD":
             self.wfile.write(data)
+
+    def do_PUT(self) -> None:
+        """Keep what is sent, unless it must not be there yet and is."""
+        data = self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        key, only_new = self.key(), self.headers.get("If-None-Match") or self.headers.get("x-goog-if-generation-match")
+        with self.lock:
+            if only_new and key in self.files:
+                self.send(b"", status=self.taken, x_ms_error_code="BlobAlreadyExists")
+                return
+            self.files[key] = data
+        self.send(b"", status=201, ETag=f'"{etag(data)}"', Last_Modified=_CHANGED)
+
+    def do_DELETE(self) -> None:
+        """Forget a file."""
+        self.send(b"", status=202 if self.files.pop(self.key(), None) is not None else 404)
+
+    def key(self) -> str:
+        """Return the name of the file that is asked for."""
+        raise NotImplementedError
 
     def below(self, prefix: str, delimiter: str) -> tuple[list[str], list[str]]:
         """Return the names below a prefix, and the folders among them."""
@@ -83,9 +104,17 @@ class _Web(_Server):
 
 
 class _Google(_Server):
+    """Its API in JSON, which fsspec speaks, and the one in XML, which Delta speaks."""
+
+    def key(self) -> str:
+        return unquote("/".join(urlsplit(self.path).path.split("/")[2:]))
+
     def do_GET(self) -> None:
         parts = urlsplit(self.path)
         asked = {name: values[0] for name, values in parse_qs(parts.query).items()}
+        if "/b/" not in parts.path:
+            self._xml(asked)
+            return
         _, _, key = parts.path.partition("/o/")
         key = unquote(key)
         if key and key not in self.files:
@@ -100,6 +129,23 @@ class _Google(_Server):
         else:
             self._tell({"name": "logs"})
 
+    def _xml(self, asked: dict[str, str]) -> None:
+        key = self.key()
+        if "list-type" in asked:
+            names, folders = self.below(asked.get("prefix", ""), asked.get("delimiter", ""))
+            files = "".join(
+                f"<Contents><Key>{escape(name)}</Key><Size>{len(self.files[name])}</Size>"
+                f"<LastModified>2026-10-01T08:00:00.000Z</LastModified><ETag>{etag(self.files[name])}</ETag></Contents>"
+                for name in names
+                if name > asked.get("start-after", "")
+            )
+            files += "".join(f"<CommonPrefixes><Prefix>{escape(one)}</Prefix></CommonPrefixes>" for one in folders)
+            self.send(f"<ListBucketResult>{files}</ListBucketResult>".encode(), "application/xml")
+        elif key in self.files:
+            self.send(self.files[key], ETag=f'"{etag(self.files[key])}"', Last_Modified=_CHANGED)
+        else:
+            self.send(b"", status=404)
+
     def _item(self, name: str) -> dict[str, Any]:
         data = self.files[name]
         return {
@@ -112,10 +158,15 @@ class _Google(_Server):
 
 
 class _Azure(_Server):
+    taken = 409
+
+    def key(self) -> str:
+        return unquote("/".join(urlsplit(self.path).path.split("/")[3:]))
+
     def do_GET(self) -> None:
         parts = urlsplit(self.path)
         asked = {name: values[0] for name, values in parse_qs(parts.query).items()}
-        key = unquote("/".join(parts.path.split("/")[3:]))
+        key = self.key()
         if asked.get("comp") == "list":
             names, folders = self.below(asked.get("prefix", ""), asked.get("delimiter", ""))
             blobs = "".join(f"<Blob><Name>{escape(name)}</Name>{self._about(name)}</Blob>" for name in names)
@@ -135,7 +186,8 @@ class _Azure(_Server):
         data = self.files[name]
         return (
             f"<Properties><Last-Modified>{_CHANGED}</Last-Modified><Etag>{etag(data)}</Etag><BlobType>BlockBlob</BlobType>"
-            f"<Content-Length>{len(data)}</Content-Length></Properties>"
+            f"<Content-Length>{len(data)}</Content-Length><Content-Type>application/octet-stream</Content-Type>"
+            "</Properties>"
         )
 
 
@@ -145,7 +197,7 @@ SERVERS = {"web": _Web, "google": _Google, "azure": _Azure}
 @contextmanager
 def serving(kind: str, files: Files) -> Iterator[int]:
     """Serve files as `web`, `google` or `azure` do; yield the port."""
-    handler = type("Handler", (SERVERS[kind],), {"files": files})
+    handler = type("Handler", (SERVERS[kind],), {"files": files, "lock": threading.Lock()})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         server.daemon_threads = True
         thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)

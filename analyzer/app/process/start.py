@@ -51,13 +51,13 @@ def alone() -> None:
     atexit.register(gc.freeze)
 
 
-def keep_memory() -> None:
+def keep_memory(arenas: int = _ARENAS) -> None:
     """Keep what is freed for what is needed next, where nobody else uses the process.
 
     Columns of a batch are large enough for glibc to give each back to the system and to ask for the next one anew: then
     every page of it is cleared once more, and each time all threads wait.
     """
-    _tune(_KEPT, _LARGE)
+    _tune(_KEPT, _LARGE, arenas)
 
 
 def return_memory() -> None:
@@ -70,7 +70,7 @@ def return_memory() -> None:
     _tune(_SMALL, _SMALL)
 
 
-def _tune(kept: int, large: int) -> None:
+def _tune(kept: int, large: int, arenas: int = _ARENAS) -> None:
     if not _ours:
         return
     import ctypes  # noqa: PLC0415 - numpy imports it anyway
@@ -79,7 +79,7 @@ def _tune(kept: int, large: int) -> None:
     if mallopt is not None:
         mallopt(_TRIM_THRESHOLD, kept)
         mallopt(_MMAP_THRESHOLD, large)
-        mallopt(_ARENA_MAX, _ARENAS)
+        mallopt(_ARENA_MAX, arenas)
 
 
 class _Masked:

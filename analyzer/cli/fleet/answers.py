@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.cli import status
 from analyzer.cli.pager import paged
-from analyzer.fleet.store import Store
+from analyzer.fleet.store import ResultStore
 from analyzer.views.terminal import escape
 from dissectors.times import SECOND
 
@@ -23,7 +23,7 @@ _SHOWN, _WIDTH = 10, 80
 
 def tell_status(args: argparse.Namespace) -> int:
     """Say how far the runs have come; return the exit status."""
-    answers = Store(args.place[0]).connected()
+    answers = ResultStore(args.place[0]).connected()
     ask = answers.execute
     lines = ["run                 ended        listed  skipped     done  unavailable   CPU s"]
     for start, ended, *counts, cpu in ask(
@@ -49,11 +49,11 @@ def tell_status(args: argparse.Namespace) -> int:
 
 def compact(args: argparse.Namespace) -> int:
     """Put small files together; return the exit status."""
-    store = Store(args.place[0])
+    store = ResultStore(args.place[0])
     with store.alone():
         left = store.compact()
     for name, count in left.items():
-        sys.stdout.write(f"{name}: {count} files\n")
+        sys.stdout.write(f"{name}: {count} file{'' if count == 1 else 's'}\n")
     return status.OK if left else status.NOT_JUDGED
 
 
@@ -63,7 +63,7 @@ def report(args: argparse.Namespace) -> int:
     from analyzer.fleet.report.build import build  # noqa: PLC0415
     from analyzer.sinks.atomic import Target, TargetError  # noqa: PLC0415
 
-    found = build(Store(args.place[0]), args.since, args.flights)
+    found = build(ResultStore(args.place[0]), args.since, args.flights)
     try:
         if args.html:
             with Target(args.html) as out:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import dissectors
 from analyzer.app.process import streams
+from analyzer.app.process.interrupt import cleaning
 from analyzer.cli import status
 from analyzer.cli.arguments import options, rules
 from analyzer.decode.by_name import find_table
@@ -15,13 +16,13 @@ from analyzer.fleet.cluster import LEAST_MEMORY, ClusterChoice, cluster
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.export import PARTITIONS, ExportGoal, ExportRun
 from analyzer.fleet.jobs import FleetSettings, Retries
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore
 
 if TYPE_CHECKING:
     import argparse
 
-    from analyzer.fleet.driver import Account
+    from analyzer.fleet.driver import RunCounts
     from analyzer.fleet.jobs import Job
 
 NAME = "tailbyte fleet"
@@ -31,7 +32,7 @@ _EVERY_LOGGED = 30.0  # and in a log
 
 def check(args: argparse.Namespace) -> int:
     """Judge what the store does not have yet; return the exit status."""
-    store, settings = Store(args.output), _settings(args)
+    store, settings = ResultStore(args.output), _settings(args)
     rules.criteria(settings.rules, dissectors.load(settings.dissectors, settings.trusted), NAME)
     jobs = _jobs(args, store.place, settings)
     if not jobs:
@@ -39,13 +40,13 @@ def check(args: argparse.Namespace) -> int:
     choice, progress = _choice(args), _Progress()
     run = FleetRun(store, settings, Retries(args.attempts), progress)
     try:
-        with store.alone(), cluster(choice) as workers:
+        with cleaning(), store.alone(), cluster(choice) as workers:
             run.over(jobs, workers, retry=args.retry is not None)
     except KeyboardInterrupt:
-        progress.end(run.account, "interrupted: the same command goes on")
+        progress.end(run.counts, "interrupted: the same command goes on")
         return status.INTERRUPTED
-    progress.end(run.account)
-    return _status(run.account)
+    progress.end(run.counts)
+    return _status(run.counts)
 
 
 def export(args: argparse.Namespace) -> int:
@@ -58,22 +59,22 @@ def export(args: argparse.Namespace) -> int:
     partitions = tuple(filter(None, args.partition.split(",")))
     if unknown := set(partitions) - set(PARTITIONS):
         raise ValueError(f"--partition {min(unknown)}: it takes vehicle and date")
-    goal = ExportGoal(Store(args.output).place, tables, partitions)
+    goal = ExportGoal(ResultStore(args.output).place, tables, partitions)
     jobs = _jobs(args, goal.place, settings)
     if not jobs:
         return _nothing(args)
     choice, progress = _choice(args), _Progress()
     run = ExportRun(settings, Retries(args.attempts), goal, progress)
     try:
-        with cluster(choice) as workers:
+        with cleaning(), cluster(choice) as workers:
             run.over(jobs, workers)
     except KeyboardInterrupt:
-        progress.end(run.account, "interrupted: the same command goes on")
+        progress.end(run.counts, "interrupted: the same command goes on")
         return status.INTERRUPTED
     for url, error in run.errors:
         streams.complain(f"{url}: {error}", NAME)
-    progress.end(run.account)
-    return _status(run.account)
+    progress.end(run.counts)
+    return _status(run.counts)
 
 
 def _settings(args: argparse.Namespace) -> FleetSettings:
@@ -82,7 +83,11 @@ def _settings(args: argparse.Namespace) -> FleetSettings:
 
 
 def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
-    return jobs_of(listed(args.place, store), Names(args.name, args.names), settings.digest())
+    jobs = jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
+    if jobs and (args.name or args.names) and not any(job.vehicle for job in jobs):
+        wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
+        streams.complain(f"{wish} tells the vehicle of none of {len(jobs)} captures, such as {jobs[0].url}", NAME)
+    return jobs
 
 
 def _choice(args: argparse.Namespace) -> ClusterChoice:
@@ -106,8 +111,8 @@ def _nothing(args: argparse.Namespace) -> int:
     return status.NOT_JUDGED
 
 
-def _status(account: Account) -> int:
-    return status.DAMAGED if account.failed or account.unavailable else status.OK
+def _status(counts: RunCounts) -> int:
+    return status.DAMAGED if counts.failed or counts.unavailable else status.OK
 
 
 class _Progress:
@@ -117,32 +122,32 @@ class _Progress:
         self._terminal, self._warned = sys.stderr.isatty(), False
         self._next = time.monotonic() + _EVERY
 
-    def __call__(self, account: Account) -> None:
+    def __call__(self, counts: RunCounts) -> None:
         """Say how far it is, if it is time to."""
-        self._warn(account)
+        self._warn(counts)
         now = time.monotonic()
         if now < self._next:
             return
         self._next = now + (_EVERY if self._terminal else _EVERY_LOGGED)
-        left = account.left / account.rate
+        left = counts.left / counts.rate
         text = (
-            f"{account.done + account.unavailable} of {account.listed - account.skipped}  {account.rate:.1f}/s  "
-            f"{_duration(left)} left  {account.failed} failed  {account.unavailable} unavailable"
+            f"{counts.done + counts.unavailable} of {counts.listed - counts.skipped}  {counts.rate:.1f}/s  "
+            f"{_duration(left)} left  {counts.failed} failed  {counts.unavailable} unavailable"
         )
         streams.tell(f"\r\x1b[K{text}" if self._terminal else f"-- {text}\n")
 
-    def _warn(self, account: Account) -> None:
-        if account.others and not self._warned:
+    def _warn(self, counts: RunCounts) -> None:
+        if counts.others and not self._warned:
             self._warned = True
             streams.complain("another run writes this store, too: both do the same work, and it counts once", NAME)
 
-    def end(self, account: Account, more: str = "") -> None:
+    def end(self, counts: RunCounts, more: str = "") -> None:
         """Say what came of it."""
-        self._warn(account)
-        counts = f"{account.done} captures read, {account.skipped} done before, {account.failed} without a result"
+        self._warn(counts)
+        read = f"captures: {counts.done} read, {counts.skipped} done before, {counts.failed} without a result"
         lines = [
-            f"-- {counts}, {account.unavailable} could not be read now",
-            f"-- {account.bytes / 1e6:.1f} MB, {account.cpu_s:.1f} s of CPU on {account.workers or 'no'} workers",
+            f"-- {read}, {counts.unavailable} could not be read now",
+            f"-- {counts.bytes / 1e6:.1f} MB, {counts.cpu_s:.1f} s of CPU on {counts.workers or 'no'} workers",
         ]
         if more:
             lines.append(f"-- {more}")

@@ -15,12 +15,12 @@ from analyzer.fleet.tables import UNAVAILABLE
 if TYPE_CHECKING:
     import duckdb
 
-    from analyzer.fleet.store import Store
+    from analyzer.fleet.store import ResultStore
 
 _SUPPORTS = "case t.support when 'well supported' then 0 when 'likely' then 1 else 2 end"
 
 
-def build(store: Store, since: str | None, least: int) -> FleetReport:
+def build(store: ResultStore, since: str | None, least: int) -> FleetReport:
     """Return it; `since` is a day, or a time back from the newest capture (7d).
 
     Raises `StoreError`, and `ValueError` for what is no time.
@@ -29,7 +29,7 @@ def build(store: Store, since: str | None, least: int) -> FleetReport:
     head = _head(answers, store.place)
     odd, tested = odd_escs(answers, least)
     software, rates = by_software(answers)
-    day = None if since is None else _day(since, head.last_day)
+    day = "" if since is None else _day(since, head.last_day)
     return FleetReport(
         head=head,
         open_first=tuple(_open_first(answers)),
@@ -38,7 +38,7 @@ def build(store: Store, since: str | None, least: int) -> FleetReport:
         least_flights=least,
         software=tuple(software),
         rates=tuple(rates),
-        since=None if day is None else since_then(answers, day),
+        since=since_then(answers, day) if day else None,
         rules=tuple(RuleCount(*row) for row in _rows(answers, _RULES)),
         vehicles=tuple(VehicleCount(*row) for row in _rows(answers, _VEHICLES)),
         unread=tuple(Unread(*row) for row in _rows(answers, _UNREAD)),
@@ -55,20 +55,23 @@ select count(*), count(*) filter (not duplicate and verdict in ('pass', 'fail'))
     count(*) filter (not duplicate and outcome = 'damaged'),
     count(*) filter (error <> '' and outcome <> '{UNAVAILABLE}'),
     count(*) filter (outcome = '{UNAVAILABLE}'), count(*) filter (duplicate),
-    count(distinct vehicle) filter (vehicle <> ''),
+    count(distinct vehicle) filter (vehicle <> '' and not duplicate),
     coalesce(sum(flights) filter (not duplicate), 0)::bigint,
     coalesce(sum(flight_ns) filter (not duplicate), 0) / 3.6e12,
     coalesce(min(date) filter (date <> ''), ''), coalesce(max(date) filter (date <> ''), '') from latest
 """  # noqa: S608 - our own word
 _RULES = """
-select f.rule, min(f.title), min(f.severity), count(distinct f.key),
-    count(distinct c.vehicle) filter (c.vehicle <> ''), min(c.url)
-    from findings f join counted c using (key, run) where f.severity <> 'note' and f.category <> 'capture'
-    and not f.waived group by 1 order by 4 desc, 1
+with broken as (select f.rule, min(f.title) as title, min(f.severity) as severity, c.key, c.vehicle, c.url
+        from findings f join counted c using (key, run) where f.severity <> 'note' and f.category <> 'capture'
+        and not f.waived group by f.rule, c.key, c.vehicle, c.url),
+    each as (select rule, vehicle, count(*) as captures from broken where vehicle <> '' group by 1, 2)
+select rule, min(title), min(severity), count(*), count(distinct vehicle) filter (vehicle <> ''), min(url),
+    coalesce((select arg_max(e.vehicle, (e.captures, e.vehicle)) from each e where e.rule = b.rule), ''),
+    coalesce((select max(e.captures) from each e where e.rule = b.rule), 0) from broken b group by 1 order by 4 desc, 1
 """
 _VEHICLES = """
 select vehicle, count(*), count(*) filter (verdict = 'fail'), sum(flights)::bigint, sum(flight_ns) / 3.6e12
-    from counted group by 1 order by 1
+    from counted group by 1 order by 3 desc, 2 desc, 1
 """
 _UNREAD = "select url, outcome, error from latest where error <> '' order by url"
 _OPEN = f"""

@@ -45,7 +45,7 @@ class OpenFirst:
 
 
 @dataclass(frozen=True, slots=True)
-class OddEsc:
+class EscOutlier:
     """An ESC that is not as it was, or not as others with its firmware are.
 
     `difference` is to the other ESCs of its flights, `fleet` and `spread` what that is in the fleet; `share` tells that
@@ -110,18 +110,22 @@ class Worse:
 
 @dataclass(frozen=True, slots=True)
 class SinceThen:
-    """Rules that got worse since a day, and for each the growth that would have been seen: a factor, None for none."""
+    """Rules that got worse since a day, and for each the growth that would have been seen: a factor, None for none.
+
+    Compared are the `vehicles` that flew before and after it: what a new one brings is no change.
+    """
 
     day: str
     hours_before: float
     hours_after: float
     worse: tuple[Worse, ...] = ()
     seen: dict[str, float | None] = field(default_factory=dict)
+    vehicles: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class RuleCount:
-    """How many captures and vehicles break a rule."""
+    """How many captures and vehicles break a rule, and which vehicle does so most often."""
 
     rule: str
     title: str
@@ -129,6 +133,13 @@ class RuleCount:
     captures: int
     vehicles: int
     example: str
+    most: str
+    of_most: int
+
+    @property
+    def one_of_them(self) -> bool:
+        """True if a single vehicle of several has most of it."""
+        return self.vehicles > 1 and self.of_most > self.captures / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +168,7 @@ class FleetReport:
 
     head: FleetHead
     open_first: tuple[OpenFirst, ...]
-    odd: tuple[OddEsc, ...]
+    odd: tuple[EscOutlier, ...]
     tested: int
     least_flights: int
     software: tuple[SoftwareUse, ...]

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from itertools import groupby
+from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.fleet.report.model import OddEsc
-from analyzer.fleet.report.statistics import discoveries, normal_p, spread, trend_p, turning_point
+from analyzer.fleet.report.model import EscOutlier
+from analyzer.fleet.report.statistics import (
+    discoveries,
+    level_p,
+    normal_p,
+    spread,
+    turning_point,
+)
 from analyzer.fleet.rows import day
 
 if TYPE_CHECKING:
@@ -19,7 +26,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
 
 
-class Quantity(NamedTuple):
+class ComparedQuantity(NamedTuple):
     """Compared: a difference in units, or a `share` of the others' value; `least` is what matters to people."""
 
     column: str
@@ -30,17 +37,18 @@ class Quantity(NamedTuple):
 
 # Least differences: sensors of one kind differ by 2 to 3 K, propellers and motors of one kind by some percent.
 QUANTITIES = (
-    Quantity("temperature_median", "temperature", share=False, least=4.0),
-    Quantity("current_per_krpm2", "current/(1000 rpm)^2", share=True, least=0.05),
-    Quantity("rpm_per_percent", "speed per percent", share=True, least=0.03),
+    ComparedQuantity("temperature_median", "temperature", share=False, least=4.0),
+    ComparedQuantity("current_per_krpm2", "current/(1000 rpm)^2", share=True, least=0.05),
+    ComparedQuantity("rpm_per_percent", "speed per percent", share=True, least=0.03),
 )
 _FEWEST_ESCS = 8  # of a firmware, among which one may be odd
 _SIGMAS = 4.0  # of an ESC's flights: less is what flights differ by
 _STRONG = 6.0
+_LASTING = 0.75  # of the flights that say how it is now: a few odd ones at the right place are no change
 _NOW = 5  # flights that say how it is now, or a fifth if that is more
 
 
-class Series(NamedTuple):
+class FlightSeries(NamedTuple):
     """The differences of an ESC in its flights, in order."""
 
     vehicle: str
@@ -51,9 +59,9 @@ class Series(NamedTuple):
     values: Array
 
 
-def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[OddEsc], int]:
+def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[EscOutlier], int]:
     """Return those that are odd, the worst first, and how many series were tested; `least` flights each."""
-    found: list[OddEsc] = []
+    found: list[EscOutlier] = []
     tested = 0
     for quantity in QUANTITIES:
         series = [one for one in _series(answers, quantity) if len(one.values) >= least]
@@ -66,7 +74,7 @@ def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[OddEs
     return sorted(found, key=lambda one: (-abs(one.difference - one.fleet) / one.spread, one.vehicle)), tested
 
 
-def _series(answers: duckdb.DuckDBPyConnection, quantity: Quantity) -> Iterator[Series]:
+def _series(answers: duckdb.DuckDBPyConnection, quantity: ComparedQuantity) -> Iterator[FlightSeries]:
     column = f"h.{quantity.column}"
     others = f"{column}_others"
     difference = f"{column} / {others} - 1" if quantity.share else f"{column} - {others}"
@@ -77,26 +85,35 @@ def _series(answers: duckdb.DuckDBPyConnection, quantity: Quantity) -> Iterator[
     ).fetchall()
     for (vehicle, ch, node), group in groupby(rows, key=lambda row: row[:3]):
         some: list[Any] = list(group)
-        yield Series(vehicle, ch, node, some[-1][3], [day(row[4]) for row in some], np.array([row[5] for row in some]))
+        yield FlightSeries(
+            vehicle, ch, node, some[-1][3], [day(row[4]) for row in some], np.array([row[5] for row in some])
+        )
 
 
-def _changed(series: list[Series], quantity: Quantity) -> list[OddEsc]:
+def _changed(series: list[FlightSeries], quantity: ComparedQuantity) -> list[EscOutlier]:
     """Return those that are not as they were, among all that were tested."""
-    chances = [trend_p(one.values) for one in series]
-    noise = _noise(series, quantity)
+    usual = _noise(series, quantity)
+    parts = [_now_and_past(one.values) for one in series]
+    noises = [max(usual, _own_noise(one.values)) for one in series]
+    chances = [level_p(now, past, noise) for (now, past), noise in zip(parts, noises, strict=True)]
     found = []
-    for one, p, counts in zip(series, chances, discoveries(chances), strict=True):
-        some = max(_NOW, len(one.values) // 5)
-        now, past = float(np.median(one.values[-some:])), float(np.median(one.values[: len(one.values) // 3]))
-        change = abs(now - past)
-        if counts and change >= quantity.least and change >= _SIGMAS * noise:
+    for one, (now, past), noise, p, counts in zip(series, parts, noises, chances, discoveries(chances), strict=True):
+        level, before = float(np.median(now)), float(np.median(past))
+        change = abs(level - before)
+        lasting = np.mean((now - before) * np.sign(level - before) > change / 2) >= _LASTING
+        if counts and lasting and change >= quantity.least and change >= _SIGMAS * noise:
             since = one.days[turning_point(one.values)]
             strong = change >= _STRONG * noise and p < 1e-4
-            found.append(_odd(one, quantity, now, (past, noise), p, since, "own past", strong=strong))
+            found.append(_odd(one, quantity, level, (before, noise), p, since, "own past", strong=strong))
     return found
 
 
-def _unlike(series: list[Series], quantity: Quantity) -> list[OddEsc]:
+def _now_and_past(values: Array) -> tuple[Array, Array]:
+    """Return the flights that say how it is, and how it was."""
+    return values[-max(_NOW, len(values) // 5) :], values[: len(values) // 3]
+
+
+def _unlike(series: list[FlightSeries], quantity: ComparedQuantity) -> list[EscOutlier]:
     """Return those that are unlike others with their firmware; they may have been so from the start."""
     found, tests = [], []
     for software in sorted({one.software for one in series}):
@@ -115,17 +132,21 @@ def _unlike(series: list[Series], quantity: Quantity) -> list[OddEsc]:
     return found
 
 
-def _noise(series: list[Series], quantity: Quantity) -> float:
-    """Return by how much flights of one ESC differ: from one to the next, so that what changes slowly is not in it."""
-    each = [spread(np.diff(one.values)) / np.sqrt(2) for one in series]
-    return max(float(np.median(each)), quantity.least / 8)
+def _noise(series: list[FlightSeries], quantity: ComparedQuantity) -> float:
+    """Return by how much flights of any one ESC differ."""
+    return max(float(np.median([_own_noise(one.values) for one in series])), quantity.least / 8)
+
+
+def _own_noise(values: Array) -> float:
+    """Return by how much flights differ: from one to the next, so that what changes slowly is not in it."""
+    return spread(np.diff(values)) / sqrt(2)
 
 
 def _odd(
-    one: Series, quantity: Quantity, value: float, usual: tuple[float, float], p: float, since: str, against: str,
-    *, strong: bool,
-) -> OddEsc:  # fmt: skip
-    return OddEsc(
+    one: FlightSeries, quantity: ComparedQuantity, value: float, usual: tuple[float, float], p: float, since: str,
+    against: str, *, strong: bool,
+) -> EscOutlier:  # fmt: skip
+    return EscOutlier(
         vehicle=one.vehicle, ch=one.ch, node=one.node, quantity=quantity.column, what=quantity.what,
         share=quantity.share, difference=value, fleet=usual[0], spread=usual[1], flights=len(one.values), since=since,
         against=against, support="strong" if strong else "weak", p=p,

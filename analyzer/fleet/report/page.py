@@ -5,17 +5,26 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
+from analyzer.fleet.report.text import answer, counted, some_names
+from analyzer.views.terminal import escape as shown
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from analyzer.fleet.report.model import FleetReport, OddEsc
+    from analyzer.fleet.report.model import EscOutlier, FleetReport
 
 _STYLE = (
-    "body{font:15px/1.45 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222;background:#fff}"
-    "table{border-collapse:collapse;margin:.6em 0}td,th{padding:.2em .8em .2em 0;text-align:left;"
-    "border-bottom:1px solid #ddd;vertical-align:top}code{font-size:90%;overflow-wrap:anywhere}svg{display:block}"
+    "body{font:15px/1.45 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222;background:#fff;"
+    "overflow-wrap:anywhere}.wide{overflow-x:auto;margin:.6em 0}table{border-collapse:collapse}"
+    "td,th{padding:.2em .8em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top;"
+    "overflow-wrap:normal;max-width:26em}td.short{white-space:nowrap}td.long{overflow-wrap:anywhere;min-width:12em}"
+    "svg{display:block;max-width:100%;height:auto}summary{cursor:pointer}"
     "@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}td,th{border-color:#444}}"
 )
+_SHORT, _LONG = 16, 24  # characters of a cell that is never broken, and of one that is broken anywhere
+_MOST = 50  # rows of a table that are seen before somebody asks for all of them
+_PLOTS = 100
+_APART = 12  # so many units apart two labels can be read
 _WIDTH, _HEIGHT, _MARGIN, _LABELS = 640, 120, 16, 50
 
 
@@ -26,15 +35,15 @@ def render(report: FleetReport) -> str:
 
 def _page(report: FleetReport) -> Iterator[str]:
     head = report.head
-    yield f"<!doctype html><html lang=en><meta charset=utf-8><title>Fleet {escape(head.store)}</title>"
+    yield f"<!doctype html><html lang=en><meta charset=utf-8><title>Fleet {escape(shown(head.store))}</title>"
     yield f'<meta name=viewport content="width=device-width"><style>{_STYLE}</style>'
-    yield f"<h1>Fleet {escape(head.store)}</h1>"
+    yield f"<h1>Fleet {escape(shown(head.store))}</h1><p><b>{escape(answer(report))}</b></p>"
     yield (
-        f"<p>{head.captures:,} captures of {head.vehicles:,} vehicles: {head.judged:,} judged, {head.not_judged:,} too "
-        f"short or no flight, {head.damaged:,} damaged in part, {head.unreadable:,} unreadable, {head.unavailable:,} "
-        f"not available, {head.duplicates:,} duplicates (counted once). {head.flight_hours:,.2f} flight hours in "
-        f"{head.flights:,} flights, {escape(head.first_day)} to {escape(head.last_day)}.</p>"
+        f"<p>{counted(head)}.<br>{head.vehicles:,} vehicles, {head.flight_hours:,.2f} flight hours in {head.flights:,} "
+        f"flights, {escape(head.first_day or '?')} to {escape(head.last_day or '?')}.</p>"
     )
+    several = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
+    yield f"<p>tailbyte {escape(', '.join(head.versions))}, rules {escape(', '.join(head.settings))}{several}</p>"
     yield "<h2>Open these first</h2>"
     yield from _table(
         ("Vehicle", "Day", "What", "Support", "Command"),
@@ -55,12 +64,15 @@ def _page(report: FleetReport) -> Iterator[str]:
             for one in report.odd
         ),
     )  # fmt: skip
-    for one in report.odd:
+    for one in report.odd[:_PLOTS]:
         yield from _plot(one)
     yield "<h2>Firmware</h2>"
     yield from _table(
         ("Firmware", "Flights", "Hours", "Vehicles"),
-        ((one.software, one.flights, f"{one.hours:.2f}", ", ".join(one.vehicles)) for one in report.software),
+        (
+            (one.software, one.flights, f"{one.hours:.2f}", f"{len(one.vehicles)}: {some_names(one.vehicles)}")
+            for one in report.software
+        ),
     )
     yield "<p>Captures with a finding per 100 flight hours; p is the probability of such a difference by chance:</p>"
     yield from _table(
@@ -105,21 +117,35 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[st
     if not some:
         yield "<p>None.</p>"
         return
-    yield f"<table><tr>{''.join(f'<th>{escape(one)}' for one in head)}"
-    for row in some:
-        yield f"<tr>{''.join(f'<td>{escape(str(one))}' for one in row)}"
-    yield "</table>"
+    yield from _rows(head, some[:_MOST])
+    if len(some) > _MOST:
+        yield f"<details><summary>and {len(some) - _MOST:,} more</summary>"
+        yield from _rows(head, some[_MOST:])
+        yield "</details>"
 
 
-def _channel(one: OddEsc) -> str:
+def _rows(head: Sequence[str], rows: Sequence[Sequence[object]]) -> Iterator[str]:
+    yield f"<div class=wide><table><tr>{''.join(f'<th>{escape(one)}' for one in head)}"
+    for row in rows:
+        yield f"<tr>{''.join(map(_cell, row))}"
+    yield "</table></div>"
+
+
+def _cell(content: object) -> str:
+    text = shown(str(content))
+    kind = " class=long" if len(text) > _LONG else " class=short" if len(text) <= _SHORT else ""
+    return f"<td{kind}>{escape(text)}"
+
+
+def _channel(one: EscOutlier) -> str:
     return f"node {one.node}" if one.ch is None else str(one.ch)
 
 
-def _amount(one: OddEsc, value: float) -> str:
+def _amount(one: EscOutlier, value: float) -> str:
     return f"{value:+.1%}" if one.share else f"{value:+.1f} C"
 
 
-def _plot(one: OddEsc) -> Iterator[str]:
+def _plot(one: EscOutlier) -> Iterator[str]:
     """Draw the differences, a dot a flight, and a line where it changed."""
     values = [value for _, value in one.points]
     low, high = min(*values, one.fleet), max(*values, one.fleet)
@@ -131,9 +157,10 @@ def _plot(one: OddEsc) -> Iterator[str]:
     def label(text: str, x: float, y: float, anchor: str = "start") -> str:
         return f'<text x="{x}" y="{y:.1f}" text-anchor="{anchor}" font-size="11" fill="#888">{escape(text)}</text>'
 
-    who = f"{one.vehicle} ch{one.ch}" if one.ch is not None else f"{one.vehicle} node {one.node}"
+    who = f"{shown(one.vehicle)} {'node' if one.ch is None else 'ch'}{one.node if one.ch is None else one.ch}"
     yield f"<h3>{escape(who)}: {escape(one.what)}, difference from the others of its flights</h3>"
     yield f'<svg viewBox="0 0 {_WIDTH + _LABELS} {_HEIGHT + 4}" width="{_WIDTH + _LABELS}" role="img">'
+    yield f"<title>{escape(who)}</title>"
     zero = height(one.fleet)
     yield f'<line x1="{_MARGIN}" x2="{_WIDTH - _MARGIN}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#888"/>'
     for place, (day, value) in enumerate(one.points):
@@ -143,7 +170,7 @@ def _plot(one: OddEsc) -> Iterator[str]:
             f'<circle cx="{_MARGIN + place * step:.1f}" cy="{height(value):.1f}" r="3" fill="{colour}">'
             f"<title>{escape(day)}: {_amount(one, value)}</title></circle>"
         )
-    for value in sorted({low, one.fleet, high}):
+    for value in {one.fleet, *(edge for edge in (low, high) if abs(height(edge) - zero) > _APART)}:
         yield label(_amount(one, value), _WIDTH - _MARGIN + 6, height(value) + 4)
     yield label(one.points[0][0], _MARGIN, _HEIGHT)
     yield label(one.points[-1][0], _WIDTH - _MARGIN, _HEIGHT, "end")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import erfc, log, sqrt
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,13 @@ if TYPE_CHECKING:
 FALSE_DISCOVERIES = 0.01  # share of what is reported that may be chance; one of a hundred alarms is for nothing
 _Z95 = 1.959964
 _SIGMA = 1.4826  # from the median absolute deviation to the standard deviation of a normal distribution
+_OF_A_MEDIAN = 1.5708  # its variance, as a multiple of that of a mean
 _POWER = 2.576 + 0.842  # a test at 1 % sees it in four of five cases
+_MANY = 1000.0  # variance of a sum of counts beyond which it is as good as normal
 _RATIOS = (1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
 
 
-def rate_interval(count: int, exposure: float) -> tuple[float, float]:
+def rate_interval(count: float, exposure: float) -> tuple[float, float]:
     """Return the 95 % interval of a Poisson rate (Byar's approximation of the exact one)."""
     low = count * (1 - 1 / (9 * count) - _Z95 / (3 * sqrt(count))) ** 3 if count else 0.0
     more = count + 1
@@ -31,10 +34,51 @@ def binomial_p(count: int, of: int, part: float) -> float:
     """Return the two-sided p of so many of so many, if each has this chance: exact."""
     if not of or not 0 < part < 1:
         return 1.0
+    return _two_sided(_binomial(of, part), count)
+
+
+def stratified_p(counts: Sequence[tuple[int, int, float]]) -> float:
+    """Return the two-sided p of the sum of such counts, each with a chance of its own: so many, of so many, chance."""
+    some = [(count, of, part) for count, of, part in counts if of and 0 < part < 1]
+    if not some:
+        return 1.0
+    count, width = sum(one for one, _, _ in some), sum(of * part * (1 - part) for _, of, part in some)
+    if width > _MANY:
+        return normal_p(max(abs(count - sum(of * part for _, of, part in some)) - 0.5, 0.0) / sqrt(width))
+    chance = np.ones(1)
+    for _, of, part in some:
+        chance = np.convolve(chance, _binomial(of, part))
+    return _two_sided(chance, count)
+
+
+def _binomial(of: int, part: float) -> Array:
     k = np.arange(of + 1)
     logs = np.concatenate(([0.0], np.cumsum(np.log(np.arange(1, of + 1)))))
-    chance = np.exp(logs[of] - logs - logs[::-1] + k * log(part) + (of - k) * log(1 - part))
+    chance: Array = np.exp(logs[of] - logs - logs[::-1] + k * log(part) + (of - k) * log(1 - part))
+    return chance
+
+
+def _two_sided(chance: Array, count: int) -> float:
     return float(min(1.0, chance[chance <= chance[count] * (1 + 1e-9)].sum()))
+
+
+def dispersion(groups: Sequence[Sequence[tuple[int, float]]]) -> float:
+    """Return how much more counts differ within groups than chance has them: 1 for no more; each with its exposure.
+
+    Where a few vehicles have nearly all of something, it says little of what these vehicles have in common.
+    """
+    apart, free = 0.0, 0
+    for group in groups:
+        rate = sum(count for count, _ in group) / (sum(exposure for _, exposure in group) or 1.0)
+        if rate:
+            apart += sum((count - rate * exposure) ** 2 / (rate * exposure) for count, exposure in group)
+            free += len(group) - 1
+    return max(1.0, apart / free) if free else 1.0
+
+
+def dispersed_p(p: float, by: float) -> float:
+    """Return a two-sided p of counts that differ by more than chance."""
+    return normal_p(NormalDist().inv_cdf(max(p, 1e-300) / 2) / sqrt(by))
 
 
 def discoveries(chances: Sequence[float], share: float = FALSE_DISCOVERIES) -> list[bool]:
@@ -48,15 +92,10 @@ def discoveries(chances: Sequence[float], share: float = FALSE_DISCOVERIES) -> l
     return [bool(one) for one in found]
 
 
-def trend_p(values: Array) -> float:
-    """Return the two-sided p of Spearman's correlation with the order."""
-    n = len(values)
-    ranks = np.empty(n)
-    ranks[np.argsort(values, kind="stable")] = np.arange(n)
-    if n < 3 or float(np.ptp(values)) == 0:
-        return 1.0
-    rho = float(np.corrcoef(ranks, np.arange(n))[0, 1])
-    return erfc(abs(rho) * sqrt(n - 1) / sqrt(2))
+def level_p(now: Array, past: Array, noise: float) -> float:
+    """Return the two-sided p of the medians of two groups of values that differ by so much noise."""
+    off = float(np.median(now) - np.median(past))
+    return normal_p(off / (noise * sqrt(_OF_A_MEDIAN * (1 / len(now) + 1 / len(past)))))
 
 
 def normal_p(z: float) -> float:

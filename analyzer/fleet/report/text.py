@@ -5,15 +5,17 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from analyzer.views.terminal import escape
+from analyzer.views.terminal import display_width, escape, fit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.fleet.report.model import FleetReport, OddEsc, OpenFirst
+    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst
 
 _MOST = 5  # rows of a table on the screen
-_LEAST_WIDTH = 40
+_NAME = 24  # columns of a name in a sentence
+_NAMED = 3  # of many in a sentence
+_LEAST_WIDTH, _LEAST_TABLE = 40, 71  # columns; those of an ESC but for its vehicle
 
 
 def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> str:
@@ -21,9 +23,13 @@ def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> st
     width = max(width, _LEAST_WIDTH)
     parts = [*_head(report, width), ""]
     if by is not None:
-        parts += _rule(report, None, width) if by == "rule" else _TABLES[by](report, None)
+        parts += _TABLES[by](report, None, width)
     else:
-        for part in (_open_first(report.open_first, width), _esc(report, _MOST), _software(report, _MOST)):
+        for part in (
+            _open_first(report.open_first, width),
+            _esc(report, _MOST, width),
+            _software(report, _MOST, width),
+        ):
             parts += [*part, ""]
         parts += _since(report, width)
         parts += ["", *_rule(report, _MOST, width), "", *_last(report, width)]
@@ -32,11 +38,8 @@ def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> st
 
 def _head(report: FleetReport, width: int) -> Iterator[str]:
     head = report.head
-    counts = [f"{head.captures:,} captures: {head.judged:,} judged", f"{head.not_judged:,} too short or no flight"]
-    counts += [f"{head.damaged:,} damaged in part", f"{head.unreadable:,} unreadable (not in any rate below)"]
-    if head.unavailable:
-        counts.append(f"{head.unavailable:,} could not be read: run check again")
-    yield from wrap(f"Fleet {escape(head.store)}  {', '.join(counts)}", width)
+    yield from wrap(f"Fleet {escape(head.store)}  {answer(report)}", width)
+    yield from wrap(counted(head), width)
     rules = " ".join(one[:4] for one in head.settings)
     mixed = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
     yield from wrap(
@@ -46,7 +49,54 @@ def _head(report: FleetReport, width: int) -> Iterator[str]:
     )
 
 
+def counted(head: FleetHead) -> str:
+    """Return how many captures there are, and what became of them."""
+    counts = [f"{_of(head.captures, 'capture')}: {head.judged:,} judged"]
+    counts += [f"{head.not_judged:,} too short or no flight"] if head.not_judged else []
+    counts += [f"{head.unreadable:,} unreadable"] if head.unreadable else []
+    counts += [f"{_of(head.duplicates, 'duplicate')} (counted once)"] if head.duplicates else []
+    counts += [f"{head.unavailable:,} could not be read: run check again"] if head.unavailable else []
+    return ", ".join(counts) + (f"; damaged in part: {head.damaged:,}" if head.damaged else "")
+
+
+def answer(report: FleetReport) -> str:
+    """Return what matters of the fleet in one sentence."""
+    failing = sorted((one for one in report.vehicles if one.failed), key=lambda one: (-one.failed, one.vehicle))
+    failed = sum(one.failed for one in failing)
+    named = [one for one in failing if one.vehicle]
+    said = [f"{failed:,} of {_of(report.head.judged, 'judged capture')} {'fails' if failed == 1 else 'fail'}"]
+    if named:
+        some = ", ".join(f"{_short(one.vehicle)} {one.failed:,}" for one in named[:_NAMED])
+        said[0] += f", of {_of(len(named), 'vehicle')} ({some}{' ...' if len(named) > _NAMED else ''})"
+    said.append(f"{_of(len(report.open_first), 'capture')} to open first" if report.open_first else "")
+    whose = list(dict.fromkeys(f"{_short(one.vehicle)} {_named(one)}" for one in report.odd))
+    none = "no odd ESC" if report.tested else f"odd ESCs: cannot tell, none has {report.least_flights} flights"
+    said.append(f"{_of(len(whose), 'odd ESC')}: {_first(whose)}" if whose else none)
+    more = sorted(
+        {f"{one.rule} more often with firmware {_short(one.software)}" for one in report.rates if one.differs}
+    )
+    said.append(_first(more))
+    if report.since is not None and report.since.vehicles:
+        worse = [one.rule for one in report.since.worse]
+        said.append(f"worse since {report.since.day}: {_first(worse) if worse else 'nothing'}")
+    return "; ".join(filter(None, said))
+
+
+def _short(name: str) -> str:
+    return fit(escape(name), _NAME)
+
+
+def _named(one: EscOutlier) -> str:
+    return f"node {one.node}" if one.ch is None else f"ch{one.ch}"
+
+
+def _first(names: Sequence[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (" ..." if len(names) > _NAMED else "")
+
+
 def _hours(hours: float) -> str:
+    if hours < 1:
+        return f"{hours * 60:.1f} flight minutes"
     return f"{hours:,.0f} flight hours" if hours >= 10 else f"{hours:.2f} flight hours"
 
 
@@ -64,59 +114,76 @@ def _open_first(some: Sequence[OpenFirst], width: int) -> Iterator[str]:
         yield f" and {len(some) - _MOST} more: --json -"
 
 
-def _esc(report: FleetReport, most: int | None) -> Iterator[str]:
+def _esc(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     least = report.least_flights
     yield f"Odd ESCs (difference from the others of the same flights; >= {least} flights)"
     if not report.odd:
         yield f" none of {report.tested} series" if report.tested else f" no ESC has {least} flights of a named vehicle"
         return
-    yield " vehicle  ch what                      now usual          n since      support"
-    for one in report.odd[:most]:
+    names = [escape(one.vehicle) for one in report.odd[:most]]
+    room = max(map(display_width, names)) if most is None else width - _LEAST_TABLE
+    wide = max(8, min(room, max(map(display_width, names))))
+    yield f" {'vehicle':<{wide}} ch what                      now usual          n since      support"
+    for name, one in zip(names, report.odd, strict=False):
         yield (
-            f" {escape(one.vehicle)[:8]:<8} {_channel(one):>2} {one.what:<20} {_amount(one, one.difference):>8} "
+            f" {_padded(name, wide)} {_channel(one):>2} {one.what:<20} {_amount(one, one.difference):>8} "
             f"{_usual(one):<11} {one.flights:>4} {one.since or 'always':<10} {one.support}"
         )
     if most is not None and len(report.odd) > most:
         yield f" and {len(report.odd) - most} more: --by esc"
 
 
-def _channel(one: OddEsc) -> str:
+def _padded(name: str, width: int) -> str:
+    cut = fit(name, width)
+    return cut + " " * (width - display_width(cut))
+
+
+def _channel(one: EscOutlier) -> str:
     return str(one.ch) if one.ch is not None else f"#{one.node}"
 
 
-def _amount(one: OddEsc, value: float) -> str:
+def _amount(one: EscOutlier, value: float) -> str:
     return f"{value:+.0%}" if one.share else f"{value:+.1f} C"
 
 
-def _usual(one: OddEsc) -> str:
+def _usual(one: EscOutlier) -> str:
     if one.share:
         return f"{one.fleet:+.0%} +-{one.spread * 2:.0%}"
     return f"{one.fleet:+.1f} +-{one.spread * 2:.1f}"
 
 
-def _software(report: FleetReport, most: int | None) -> Iterator[str]:
+def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     yield "Firmware x finding (captures with it per 100 flight hours, 95 % interval)"
     if len(report.software) < 1:
         yield " no ESC tells its firmware"
         return
     uses = sorted(report.software, key=lambda one: -one.hours)[:most]
     for one in uses:
-        yield f" {escape(one.software)}: {_of(one.flights, 'flight')}, {_hours(one.hours)}, {_some(one.vehicles)}"
+        yield f" {escape(one.software)}: {_of(one.flights, 'flight')}, {_hours(one.hours)}, {some_names(one.vehicles)}"
     if most is not None and len(report.software) > most:
         yield f" and {len(report.software) - most} more: --by software"
     rules = _by_weight(report)
+    of_one = [one for one in report.rules if one.one_of_them]
     for rule in rules[:most]:
         if not any(one.differs for one in report.rates if one.rule == rule) and most is not None:
             count = sum(one.captures for one in report.rates if one.rule == rule)
-            yield f" {rule:<9} {_of(count, 'capture')}, no difference seen"
+            mostly = next((f", {one.of_most:,} of {escape(one.most)}" for one in of_one if one.rule == rule), "")
+            yield f" {rule:<9} {_of(count, 'capture')}, no difference seen{mostly}"
             continue
         for rate in sorted((one for one in report.rates if one.rule == rule), key=lambda one: -one.rate)[:most]:
             mark = "  * more than the others" if rate.differs else ""
             amount = f"{_rate(rate.rate)} [{_rate(rate.low)}-{_rate(rate.high)}]"
             yield f" {rate.rule:<9} {escape(rate.software)[:22]:<22} {amount}{mark}"
             if rate.differs and not rate.separable:
-                yield f"   {escape(rate.software)} flies only on {_some(rate.only_on)}, where no other firmware flies:"
-                yield "   vehicle and firmware are not separable"
+                only = (
+                    f"{escape(rate.software)} flies only on {some_names(rate.only_on)}, where no other firmware flies:"
+                )
+                yield from wrap(
+                    f"{only} vehicle and firmware are not separable",
+                    width,
+                    initial_indent="   ",
+                    subsequent_indent="   ",
+                )
     if not rules:
         yield " no ESC breaks a rule"
     elif most is not None and len(rules) > most:
@@ -136,7 +203,8 @@ def _rate(value: float) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.1f}" if value >= 1 else f"{value:.2f}"
 
 
-def _some(names: Sequence[str]) -> str:
+def some_names(names: Sequence[str]) -> str:
+    """Return a few of many names."""
     shown = ", ".join(escape(name) or "?" for name in names[:4])
     return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
 
@@ -146,8 +214,10 @@ def _since(report: FleetReport, width: int) -> Iterator[str]:
     if then is None:
         yield "Worse since ...   --since 7d, or a day"
         return
-    if not then.hours_before or not then.hours_after:
-        yield f"Worse since {then.day}   cannot tell: no flight {'before' if then.hours_after else 'after'} it"
+    if not then.vehicles:
+        which = "vehicle flew before and after it" if then.hours_before and then.hours_after else "flight"
+        which += "" if then.hours_before and then.hours_after else f" {'before' if then.hours_after else 'after'} it"
+        yield f"Worse since {then.day}   cannot tell: no {which}"
         return
     yield f"Worse since {then.day}   {'' if then.worse else 'nothing'}".rstrip()
     for one in then.worse:
@@ -167,6 +237,8 @@ def _rule(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     yield "What fails" if report.rules else "What fails   nothing"
     for one in report.rules[:most]:
         whose = f"of {_of(one.vehicles, 'vehicle')}" if one.vehicles else ""  # captures may name none
+        if one.one_of_them:
+            whose += f", {one.of_most:,} of {escape(one.most)}"
         line = f" {one.rule:<9} {one.severity:<8} {_of(one.captures, 'capture'):<14} {whose:<15}"
         if len(line) + len(one.title) < width:
             yield f"{line} {one.title}"
@@ -177,19 +249,18 @@ def _rule(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
         yield f" and {len(report.rules) - most} more: --by rule"
 
 
-def _vehicle(report: FleetReport, most: int | None) -> Iterator[str]:
-    yield " vehicle           captures  failed  flights   hours"
-    for one in report.vehicles[:most]:
-        yield (
-            f" {escape(one.vehicle)[:16] or '?':<16} {one.captures:>9,} {one.failed:>7,} {one.flights:>8,} "
-            f"{one.hours:>7.2f}"
-        )
+def _vehicle(report: FleetReport, most: int | None, _: int) -> Iterator[str]:
+    names = [escape(one.vehicle) or "?" for one in report.vehicles[:most]]
+    wide = max(16, *map(display_width, names)) if names else 16
+    yield f" {'vehicle':<{wide}}  captures  failed  flights   hours"
+    for name, one in zip(names, report.vehicles, strict=False):
+        yield f" {_padded(name, wide)} {one.captures:>9,} {one.failed:>7,} {one.flights:>8,} {one.hours:>7.2f}"
 
 
 def _last(report: FleetReport, width: int) -> Iterator[str]:
     count = report.head.duplicates
     yield (
-        f"Duplicates {_of(count, 'capture')} with the sha256 of another one: not counted"
+        f"Duplicates {_of(count, 'capture')} with the sha256 of another one: counted once"
         if count
         else "Duplicates none"
     )
@@ -199,8 +270,9 @@ def _last(report: FleetReport, width: int) -> Iterator[str]:
         yield f"and {len(report.unread) - _MOST} more without a result: --json -"
 
 
-_TABLES: dict[str, Callable[[FleetReport, int | None], Iterator[str]]] = {
+_TABLES: dict[str, Callable[[FleetReport, int | None, int], Iterator[str]]] = {
     "vehicle": _vehicle,
     "software": _software,
+    "rule": _rule,
     "esc": _esc,
 }

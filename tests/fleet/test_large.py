@@ -1,0 +1,83 @@
+"""Questions about hundreds of vehicles: what was put in is found, and nothing of what is chance or one vehicle's."""
+
+from __future__ import annotations
+
+import pytest
+from kit.fleet_rows import Made
+
+from analyzer.fleet.report import text
+from analyzer.fleet.report.build import build
+from analyzer.fleet.store import ResultStore
+
+FIRMWARE = {"vehicles": 40, "escs": 2, "firmware": lambda vehicle: "2.5" if vehicle % 4 == 0 else "2.7"}
+MIDDLE = "2026-09-13"  # the twelfth day
+
+
+def report_of(place, **made):
+    store = ResultStore(str(place / "results"))
+    Made(**made).into(store)
+    return build(store, MIDDLE, 20)
+
+
+def put_in(quantity, vehicle, esc, day):
+    """Return what differs: one ESC ages, one draws more current from a day on, one turned faster ever since."""
+    late = max(day - 11, 0)
+    return {
+        ("temperature_median", 17, 4): 9.0 * late / 12,
+        ("current_per_krpm2", 120, 0): 0.12 if late else 0.0,
+        ("rpm_per_percent", 200, 7): 0.06,
+    }.get((quantity, vehicle, esc), 0.0)
+
+
+@pytest.mark.slow
+def test_three_of_two_thousand_escs(tmp_path):
+    report = report_of(tmp_path, vehicles=250, other=put_in)
+    found = {(one.vehicle, one.ch, one.quantity, one.against) for one in report.odd}
+    assert found == {
+        ("v017", 5, "temperature_median", "own past"),
+        ("v120", 1, "current_per_krpm2", "own past"),
+        ("v200", 8, "rpm_per_percent", "same firmware"),
+    }
+    assert {one.vehicle: one.since[:8] for one in report.odd} == {"v017": "2026-09-", "v120": "2026-09-", "v200": ""}
+    assert report.tested == 3 * 8 * 250
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+def test_none_of_two_thousand_escs(tmp_path, seed):
+    assert report_of(tmp_path, vehicles=250, days=20, seed=seed).odd == ()
+
+
+def test_a_few_odd_flights_at_the_end_are_no_change(tmp_path):
+    def late(quantity, vehicle, esc, day):
+        return 20.0 if quantity == "temperature_median" and (vehicle, esc) == (3, 4) and day >= 22 else 0.0
+
+    assert report_of(tmp_path, vehicles=10, other=late).odd == ()
+
+
+def test_a_firmware_that_breaks_a_rule_on_all_its_vehicles(tmp_path):
+    report = report_of(tmp_path, **FIRMWARE, broken=lambda vehicle, _: 0.02 if vehicle % 4 else 0.3)
+    assert [(one.software, one.separable) for one in report.rates if one.differs] == [("2.5", False)]
+
+
+def test_a_rule_that_one_vehicle_breaks_says_nothing_of_its_firmware(tmp_path):
+    report = report_of(tmp_path, **FIRMWARE, broken=lambda vehicle, _: 0.9 if vehicle == 8 else 0.02)
+    (rate,) = [one for one in report.rates if one.software == "2.5"]
+    assert rate.captures >= 20
+    assert not [one for one in report.rates if one.differs]
+    assert rate.high > 2 * rate.rate  # as wide as vehicles differ
+    assert "of v008" in text.render(report)
+
+
+def test_worse_is_what_gets_worse_on_vehicles_that_flew_before(tmp_path):
+    report = report_of(tmp_path, vehicles=40, escs=2, broken=lambda _, day: 0.2 if day >= 12 else 0.05)
+    assert [one.rule for one in report.since.worse] == ["TRF-003"]
+
+
+def test_a_new_vehicle_that_was_always_bad_is_not_worse(tmp_path):
+    report = report_of(
+        tmp_path, vehicles=40, escs=2, flies=lambda vehicle, day: vehicle != 8 or day >= 12,
+        broken=lambda vehicle, _: 0.9 if vehicle == 8 else 0.02,
+    )  # fmt: skip
+    assert report.since.worse == ()
+    assert report.since.vehicles == 39
