@@ -15,7 +15,7 @@ from analyzer.browser.store.segment import OpenSegment
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from analyzer.filter.matcher import Matcher
     from dissectors.kit import Array
 
@@ -23,7 +23,7 @@ _PAUSE = 0.05  # seconds until it is looked for another segment
 _SHARE = 5  # times as long as it took it is waited until everything is looked through anew
 
 
-class RowSet(Protocol):
+class OrderedRows(Protocol):
     """Rows in the order of the capture."""
 
     def __len__(self) -> int:
@@ -42,7 +42,7 @@ class RowSet(Protocol):
 class AllRows:
     """All rows of a store."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: TableStore) -> None:
         self._store = store
 
     def __len__(self) -> int:
@@ -72,7 +72,7 @@ class ChosenRows:
     """
 
     def __init__(
-        self, store: Store, matcher: Callable[[], Matcher], ended: Callable[[], bool],
+        self, store: TableStore, matcher: Callable[[], Matcher], ended: Callable[[], bool],
         revision: Callable[[], int] = lambda: 0,
     ) -> None:  # fmt: skip
         self._store, self._ended, self._new, self._revision = store, ended, matcher, revision
@@ -155,7 +155,7 @@ class ChosenRows:
         return found[segment] if segment < len(found) else np.zeros(0, np.uint32)
 
 
-def matching_rows(store: Store, at: int, matcher: Matcher) -> Array:
+def matching_rows(store: TableStore, at: int, matcher: Matcher) -> Array:
     """Return the places in the list of a segment that a filter selects, ascending (u32)."""
     opened = OpenSegment(store.segments[at])
     kinds, index = split(opened.column("rows", "key"))

@@ -13,7 +13,7 @@ from analyzer.window.listed import ListedRows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from analyzer.views.colours.rules import ColourRule
     from dissectors.kit import Array
 
@@ -29,7 +29,7 @@ class RowColouring:
         rules: the first that holds wins.
     """
 
-    def __init__(self, store: Store, rules: Sequence[ColourRule]) -> None:
+    def __init__(self, store: TableStore, rules: Sequence[ColourRule]) -> None:
         self._store = store
         self._rules = list(rules)
         self._kept: OrderedDict[int, dict[int, Array]] = OrderedDict()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from analyzer.browser.colouring import RowColouring
     from analyzer.browser.own_columns import OwnColumns
-    from analyzer.browser.store.store import Row, Store
+    from analyzer.browser.store.store import ListRow, TableStore
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
 
@@ -51,7 +51,7 @@ class ListPages:
     """
 
     def __init__(
-        self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring,
+        self, store: TableStore, registry: Registry, numbering: Numbering, colouring: RowColouring,
         labels: Mapping[int, str] | None = None,
     ) -> None:  # fmt: skip
         self._store, self._registry, self._numbering, self._colouring = store, registry, numbering, colouring
@@ -101,7 +101,7 @@ class ListPages:
         at += len(own)
         return own[at] if 0 <= at < len(own) else "info"
 
-    def lines(self, rows: Sequence[Row], width: int, before: Sequence[int | None] = ()) -> list[ListLine]:
+    def lines(self, rows: Sequence[ListRow], width: int, before: Sequence[int | None] = ()) -> list[ListLine]:
         """Return the line of each row; `before` are the times of the rows that deltas are counted from."""
         beside = 0 if self.columns is None else self.columns.width
         label = 0 if self.numbers else self._label
@@ -130,7 +130,7 @@ class ListPages:
             self._head = _spliced(self._head, kind, "Label", label)
         return lines
 
-    def _called(self, row: Row) -> str:
+    def _called(self, row: ListRow) -> str:
         """Return what the sender of a transfer is called, empty if it has no label."""
         if row.kind != TRANSFER:
             return ""
@@ -145,7 +145,7 @@ class ListPages:
         self._head = ""
         return listing
 
-    def _transfers(self, listing: Listing, rows: Sequence[Row], found: dict[int, str]) -> None:
+    def _transfers(self, listing: Listing, rows: Sequence[ListRow], found: dict[int, str]) -> None:
         at = {self._number(row): k for k, row in enumerate(rows) if row.kind == TRANSFER}
         batch = cut_transfers(self._store, sorted(self._with_context(at)))
         if not len(batch.transfers):
@@ -186,7 +186,7 @@ class ListPages:
         before = self._store.opened(at).column("before", "before")
         return int(before[number - self._store.segments[at].first_transfer])
 
-    def _others(self, listing: Listing, rows: Sequence[Row], kind: int, name: str, found: dict[int, str]) -> None:
+    def _others(self, listing: Listing, rows: Sequence[ListRow], kind: int, name: str, found: dict[int, str]) -> None:
         """Write the rows that are no transfers, a segment at a time."""
         places = [k for k, row in enumerate(rows) if row.kind == kind]
         for segment in dict.fromkeys(rows[k].segment for k in places):
@@ -202,7 +202,7 @@ class ListPages:
             for n, line in zip(order, lines, strict=False):
                 found[some[n]] = line
 
-    def _codes(self, rows: Sequence[Row]) -> list[str]:
+    def _codes(self, rows: Sequence[ListRow]) -> list[str]:
         codes = [""] * len(rows)
         for segment, kind in dict.fromkeys((row.segment, row.kind) for row in rows):
             some = [k for k, row in enumerate(rows) if (row.segment, row.kind) == (segment, kind)]
@@ -215,7 +215,7 @@ class ListPages:
         told = "" if t is None else clock.seconds(0 if before is None else t - before)
         return f"{text[:_TIME_AT]}{told:>9}{text[_TIME_AT + 9 :]}" if width >= 9 else text
 
-    def _number(self, row: Row) -> int:
+    def _number(self, row: ListRow) -> int:
         return self._store.segments[row.segment].first_transfer + row.entry
 
 

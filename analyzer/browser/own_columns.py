@@ -12,7 +12,7 @@ from analyzer.views.terminal import escape, fit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Row, Store
+    from analyzer.browser.store.store import ListRow, TableStore
     from dissectors import Registry
 
 _WIDTH = 14
@@ -21,7 +21,7 @@ _WIDTH = 14
 class OwnColumns:
     """Writes the cells of fields. Raises `LookupError` for one that does not exist."""
 
-    def __init__(self, store: Store, registry: Registry, names: Sequence[str]) -> None:
+    def __init__(self, store: TableStore, registry: Registry, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self._store = store
         self._fields = Fields(registry, list(names), StoredFrames(store), store.zero)
@@ -31,7 +31,7 @@ class OwnColumns:
         """Return the names, as far as they fit: what stands behind the type tells more."""
         return self._line([name.rpartition(".")[2] for name in self.names])
 
-    def cells(self, rows: Sequence[Row]) -> list[str]:
+    def cells(self, rows: Sequence[ListRow]) -> list[str]:
         """Return the cells of each row in one text; empty ones for rows that are no transfers."""
         first = self._store.segments
         at = {first[row.segment].first_transfer + row.entry: k for k, row in enumerate(rows) if row.kind == TRANSFER}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.browser.store.cut import StoredFrames
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from analyzer.filter.matcher import Matcher
     from analyzer.views.times import TimeFormat
     from dissectors import Registry
@@ -51,7 +51,7 @@ class Search:
         look: is asked for each segment once; in their order if it is `ordered`, else from `start` on and round.
     """
 
-    def __init__(self, store: Store, text: str, look: Look, start: int, *, ordered: bool = False) -> None:
+    def __init__(self, store: TableStore, text: str, look: Look, start: int, *, ordered: bool = False) -> None:
         self.text = text
         self._store, self._look, self._start, self._ordered = store, look, start, ordered
         self._found: dict[int, Array] = {}
@@ -98,12 +98,12 @@ class Search:
         return sum(len(rows) for rows in list(self._found.values()))
 
 
-def look_for_filter(store: Store, matcher: Matcher) -> Look:
+def look_for_filter(store: TableStore, matcher: Matcher) -> Look:
     """Return what looks for rows that a filter selects, segments in their order."""
     return lambda at: matching_rows(store, at, matcher)
 
 
-def look_for_bytes(store: Store, wanted: bytes) -> Look:
+def look_for_bytes(store: TableStore, wanted: bytes) -> Look:
     """Return what looks for bytes in the payload of transfers, and in frames that form none."""
 
     def look(at: int) -> Array:
@@ -140,7 +140,12 @@ def _rows_with(column: pa.Array, wanted: bytes) -> Iterator[int]:
 
 
 def look_for_text(
-    store: Store, registry: Registry, frames: StoredFrames, clock: TimeFormat, wanted: str, labels: Mapping[int, str]
+    store: TableStore,
+    registry: Registry,
+    frames: StoredFrames,
+    clock: TimeFormat,
+    wanted: str,
+    labels: Mapping[int, str],
 ) -> Look:
     """Return what looks for text in the lines of the list, labels of nodes among them, in small or capital letters."""
     lower = wanted.lower()

@@ -12,8 +12,8 @@ from analyzer.browser.store.segment import OpenSegment
 from analyzer.filter.compiled import compile_expression
 
 if TYPE_CHECKING:
-    from analyzer.browser.chosen import RowSet
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.chosen import OrderedRows
+    from analyzer.browser.store.store import TableStore
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -34,7 +34,7 @@ class SortedRows:
         falling: the highest value first.
     """
 
-    def __init__(self, store: Store, base: RowSet, registry: Registry, name: str, *, falling: bool) -> None:
+    def __init__(self, store: TableStore, base: OrderedRows, registry: Registry, name: str, *, falling: bool) -> None:
         self.base, self.name, self.falling = base, name, falling
         self._store, self._value = store, compile_expression(name, registry)
         self._count = len(base)

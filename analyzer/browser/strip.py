@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from dissectors.kit import Array
 
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -27,7 +27,7 @@ class StripCell(NamedTuple):
 class Strip:
     """Computes the cells for a width; ticks of the store are taken as they come."""
 
-    def __init__(self, store: Store, *, plain: bool = False) -> None:
+    def __init__(self, store: TableStore, *, plain: bool = False) -> None:
         self._store = store
         self._bars = _PLAIN_BARS if plain else _BARS
         self._known = 0  # segments

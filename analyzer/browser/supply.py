@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from analyzer.filter.memory import NamesFrames
     from dissectors import Registry
 
@@ -52,7 +52,7 @@ class Supply(Protocol):
         asking: a statistic is asked for that is not there yet.
     """
 
-    store: Store
+    store: TableStore
     registry: Registry
     name: str
     paths: tuple[str, ...]

@@ -24,8 +24,8 @@ from analyzer.window.numbering import Numbering
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.chosen import RowSet
-    from analyzer.browser.store.store import Row
+    from analyzer.browser.chosen import OrderedRows
+    from analyzer.browser.store.store import ListRow
     from analyzer.browser.supply import Supply
     from analyzer.decode.engine import Batch
     from analyzer.facts.frame_marks import Mark
@@ -36,10 +36,10 @@ _MOST_FRAMES = 512  # of a transfer that are shown in bytes
 MOST_NAMED = 5000  # rows that a filter names one by one: it has to fit into a command line
 
 
-class Shown(NamedTuple):
+class ShownRow(NamedTuple):
     """A row in full: its details, its frames, and as a batch of one transfer if it is one."""
 
-    row: Row
+    row: ListRow
     lines: list[DetailLine]
     frames: list[DumpFrame]
     batch: Batch | None
@@ -61,7 +61,7 @@ class BrowserView:
         self.pages = ListPages(
             self.store, supply.registry, self.numbering, RowColouring(self.store, colours), supply.labels
         )
-        self.rows: RowSet = AllRows(self.store)
+        self.rows: OrderedRows = AllRows(self.store)
         self.filter = ""
         self.marks = marks or MarkBook(None)
         self.anchor: tuple[int, int] | None = None  # the row that one is at
@@ -73,7 +73,7 @@ class BrowserView:
     def apply(self, text: str) -> None:
         """Show only rows that a filter selects, all for an empty one. Raises `FilterError`."""
         text = text.strip()
-        rows: RowSet = AllRows(self.store)
+        rows: OrderedRows = AllRows(self.store)
         if text:
             asks = compile_filter(text, self.supply.registry).asks_findings
             rows = ChosenRows(
@@ -108,7 +108,7 @@ class BrowserView:
         return self.rows if isinstance(self.rows, SortedRows) else None
 
     @staticmethod
-    def _leave(rows: RowSet) -> None:
+    def _leave(rows: OrderedRows) -> None:
         if isinstance(rows, ChosenRows | SortedRows):
             rows.stop()
 
@@ -128,7 +128,7 @@ class BrowserView:
             zero=self.store.zero, labels=supply.labels, named=supply.named, severities=supply.severities
         )
 
-    def row(self, number: int) -> Row:
+    def row(self, number: int) -> ListRow:
         """Return a row that is listed, by its number from 0."""
         return self.store.row(*self.rows.at(number))
 
@@ -139,7 +139,7 @@ class BrowserView:
             return 0
         return min(self.rows.find(*self.anchor), count - 1)
 
-    def current(self) -> Row | None:
+    def current(self) -> ListRow | None:
         """Return the row that one is at."""
         if not len(self.rows):
             return None
@@ -184,7 +184,7 @@ class BrowserView:
 
     # ---- a row in full
 
-    def shown(self, row: Row, *, elements: bool = True) -> Shown:
+    def shown(self, row: ListRow, *, elements: bool = True) -> ShownRow:
         """Return a row in full, above all what somebody wrote about it and what happened there.
 
         `elements` says that those of arrays have lines of their own.
@@ -206,7 +206,7 @@ class BrowserView:
         label = self.supply.labels.get(int(line.value))
         return line if label is None else line._replace(text=f'{line.text} "{escape(label)}"')
 
-    def _whole(self, row: Row) -> Shown:
+    def _whole(self, row: ListRow) -> ShownRow:
         if row.kind == TRANSFER:
             return self._transfer(row)
         time = self._time(row)
@@ -214,18 +214,18 @@ class BrowserView:
             events = self.store.opened(row.segment).table("events").slice(row.entry, 1)
             told = {name: events.column(name)[0].as_py() for name in events.schema.names if name != "t"}
             line = self.pages.lines([row], 500)[0].text
-            return Shown(row, event_lines(told, time, line[44:].strip()), [], None)
+            return ShownRow(row, event_lines(told, time, line[44:].strip()), [], None)
         frame = self.frames(row.place)
         if frame is None:
-            return Shown(row, [], [], None)
+            return ShownRow(row, [], [], None)
         number = self.numbering.of(row.place)
         table = self.store.opened(row.segment).table("frames" if row.kind == 1 else "settled")
         verdict = int(table.column("verdict")[row.entry].as_py())
         rules = ", ".join(self._rules([row.place]))
         lines = frame_lines(number, frame, self.store.buses[frame.bus], verdict, time, rules)
-        return Shown(row, lines, dump([(number, frame)], transfer=False), None)
+        return ShownRow(row, lines, dump([(number, frame)], transfer=False), None)
 
-    def _transfer(self, row: Row) -> Shown:
+    def _transfer(self, row: ListRow) -> ShownRow:
         batch = cut_transfers(self.store, [self.number_of(row)])
         clock = self.pages.clock()
         key = clock.mode, clock.zero, clock.digits, self.supply.named
@@ -236,20 +236,20 @@ class BrowserView:
         places = batch.transfers.column("frame")[0].as_py()[:_MOST_FRAMES]
         frames = [(self.numbering.of(place), one) for place in places if (one := self.frames(place)) is not None]
         number = batch.transfers.column("transfer_id")[0].as_py()
-        return Shown(row, with_transfer_id(detail_lines(text), number), dump(frames, transfer=True), batch)
+        return ShownRow(row, with_transfer_id(detail_lines(text), number), dump(frames, transfer=True), batch)
 
-    def number_of(self, row: Row) -> int:
+    def number_of(self, row: ListRow) -> int:
         """Return the number of a transfer in the whole capture, from 0."""
         return self.store.segments[row.segment].first_transfer + row.entry
 
-    def places_of(self, row: Row) -> list[int]:
+    def places_of(self, row: ListRow) -> list[int]:
         """Return the frames of a row, from 0; an event has none."""
         if row.kind == TRANSFER:
             found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
             return found
         return [] if row.kind == EVENT else [row.place]
 
-    def content(self, row: Row) -> bytes:
+    def content(self, row: ListRow) -> bytes:
         """Return the bytes that a transfer carries, or those of a frame that forms none."""
         if row.kind == TRANSFER:
             return bytes(self.store.opened(row.segment).table("transfers").column("payload")[row.entry].as_py())
@@ -265,7 +265,7 @@ class BrowserView:
         """Return the time of a mark, which a file need not say."""
         return self.store.frame_time(mark.frame) if mark.t is None else mark.t
 
-    def rules_of(self, row: Row) -> list[str]:
+    def rules_of(self, row: ListRow) -> list[str]:
         """Return the rules that name a row."""
         return self._rules(self.places_of(row))
 
@@ -275,7 +275,7 @@ class BrowserView:
         found = self.supply.named.between(min(places), max(places))
         return sorted({rule for place in places for rule in found.get(place, ())})
 
-    def _time(self, row: Row) -> str:
+    def _time(self, row: ListRow) -> str:
         from analyzer.views.times import TimeFormat  # noqa: PLC0415 - once
 
         t = self.store.time(row)
@@ -283,14 +283,14 @@ class BrowserView:
 
     # ---- who a row is of
 
-    def conversation_of(self, row: Row) -> frozenset[int] | None:
+    def conversation_of(self, row: ListRow) -> frozenset[int] | None:
         """Return the nodes that a transfer is between, None for other rows."""
         own = self.sender(row)
         if own is None:
             return None
         return frozenset((own["src"], own["dst"])) if self.is_service(own) else frozenset((own["src"],))
 
-    def sender(self, row: Row) -> dict[str, int] | None:
+    def sender(self, row: ListRow) -> dict[str, int] | None:
         """Return the columns of a transfer that tell whose it is, None for other rows."""
         if row.kind != TRANSFER:
             return None

@@ -15,7 +15,7 @@ from analyzer.tables import KINDS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Row, Store
+    from analyzer.browser.store.store import ListRow, TableStore
     from analyzer.browser.view import BrowserView
     from dissectors.kit import Array
 
@@ -36,7 +36,7 @@ class Walk:
         otherwise: what is to be said if there is none.
     """
 
-    def __init__(self, store: Store, start: tuple[int, int], step: int, wanted: Wanted, otherwise: str) -> None:
+    def __init__(self, store: TableStore, start: tuple[int, int], step: int, wanted: Wanted, otherwise: str) -> None:
         self._store, self._start, self._step, self._wanted = store, start, step, wanted
         self._stop = threading.Event()
         self.otherwise = otherwise
@@ -70,7 +70,7 @@ class Walk:
             self.done = True
 
 
-def _matching(store: Store, at: int, wanted: Wanted) -> Array:
+def _matching(store: TableStore, at: int, wanted: Wanted) -> Array:
     """Return the places in the list of a segment of transfers with these values, ascending."""
     if not store.segments[at].transfers:
         return np.zeros(0, np.int64)
@@ -85,7 +85,7 @@ def _matching(store: Store, at: int, wanted: Wanted) -> Array:
     return np.flatnonzero(listed)
 
 
-def sender_before(view: BrowserView, row: Row) -> Target:
+def sender_before(view: BrowserView, row: ListRow) -> Target:
     """Return the transfer before of the same sender and type."""
     before = int(view.store.opened(row.segment).column("before", "before")[row.entry])
     at = None if before < 0 else view.store.segment_of_transfer(before)
@@ -124,7 +124,7 @@ def next_place(places: Sequence[int], now: int, step: int) -> int | None:
     return places[k] if k >= 0 else None
 
 
-def follow_filter(view: BrowserView, row: Row, what: str) -> str:
+def follow_filter(view: BrowserView, row: ListRow, what: str) -> str:
     """Return the filter of a conversation that a row is part of, empty if it is of none.
 
     `what` is node, type, esc (the channel), unit or exchange (of a service).
@@ -146,7 +146,7 @@ def follow_filter(view: BrowserView, row: Row, what: str) -> str:
     return _numbered(view, row, what)
 
 
-def _numbered(view: BrowserView, row: Row, what: str) -> str:
+def _numbered(view: BrowserView, row: ListRow, what: str) -> str:
     """Return the filter of the channel or power unit that the details of a row name."""
     field = "channel" if what == "esc" else "unit"
     for line in view.shown(row).lines:

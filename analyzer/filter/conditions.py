@@ -14,6 +14,7 @@ from analyzer.filter.language.errors import listed
 from analyzer.filter.language.literals import pattern_test, text_bytes, text_value
 from analyzer.filter.language.syntax import (
     Arithmetic,
+    BareWord,
     Call,
     Comparison,
     Logic,
@@ -24,7 +25,6 @@ from analyzer.filter.language.syntax import (
     QuotedText,
     Slice,
     ValueRange,
-    Word,
 )  # fmt: skip
 from analyzer.filter.nodes import (
     ComparisonOf,
@@ -86,7 +86,7 @@ class Conditions:
             return self._of_one_row(self._within(node), node) if node.name == "within" else self._exists(node)
         if isinstance(node, Arithmetic) and node.op == "&":
             return ValueTest(self.operands.make(node), lambda values: values.plain != 0, every=False)
-        if isinstance(node, (Word, Slice)):
+        if isinstance(node, (BareWord, Slice)):
             return Present(self.operands.make(node))
         if isinstance(node, Call):
             self.operands.make(node)
@@ -142,22 +142,22 @@ class Conditions:
             return self._search(node)
         if self.operands.literal(left):
             if self.operands.literal(right):
-                if isinstance(left, Word) or isinstance(right, Word):
-                    self.operands.make(left if isinstance(left, Word) else right)
+                if isinstance(left, BareWord) or isinstance(right, BareWord):
+                    self.operands.make(left if isinstance(left, BareWord) else right)
                 raise self.operands.fail("two values are compared here: one side has to be a field", node)
-            if isinstance(left, Word) and isinstance(right, Word) and self._is_type(right):
+            if isinstance(left, BareWord) and isinstance(right, BareWord) and self._is_type(right):
                 self.operands.make(left)
             left, right, op = right, left, _TURNED.get(op, op)
         of = self._side(left, op)
         if of.kind.sort == "text" and isinstance(right, Arithmetic):  # TRF-003 is one, as it is written
             raise self.operands.fail("the field is text: put what it is compared with in double quotes", right)
-        if self.operands.literal(right) or self._constant(right) or (isinstance(right, Word) and names_type(of)):
+        if self.operands.literal(right) or self._constant(right) or (isinstance(right, BareWord) and names_type(of)):
             return self._with_constant(of, right, op, every=node.every)
         other = self._side(right, op)
         of, other = self._alike(of, other, node)
         return ComparisonOf(of, other, _pairwise(op), every=node.every)
 
-    def _is_type(self, node: Word) -> bool:
+    def _is_type(self, node: BareWord) -> bool:
         return self.operands.names.find(node.text, self._text, node.span[0]).origin == "type"
 
     def _constant(self, node: Syntax) -> bool:
@@ -190,7 +190,7 @@ class Conditions:
 
     def _with_constant(self, of: ValueNode, right: Syntax, op: str, *, every: bool) -> Condition:
         kind = of.kind
-        if kind.sort == "bytes" and isinstance(right, Word) and not self.operands.literal(right):
+        if kind.sort == "bytes" and isinstance(right, BareWord) and not self.operands.literal(right):
             raise self.operands.fail("bytes cannot be compared with a field", right)
         value = self._fit(right, of, code=op in ("==", "!="))
         compare = _OPERATORS[op]
@@ -222,7 +222,7 @@ class Conditions:
     def _member(self, node: Comparison) -> Condition:
         assert isinstance(node.right, Members)  # noqa: S101 - the grammar has nothing else
         if self.operands.literal(node.left):
-            if isinstance(node.left, Word):
+            if isinstance(node.left, BareWord):
                 self.operands.make(node.left)
             raise self.operands.fail("a field is expected here, not a value", node.left)
         of = self._side(node.left, "in")

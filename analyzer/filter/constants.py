@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from analyzer.filter.fields import Kind
 from analyzer.filter.language.errors import FilterError, listed, near
 from analyzer.filter.language.literals import factor, moment, text_bytes, text_value
-from analyzer.filter.language.syntax import Arithmetic, Number, Octets, QuotedText, Word
+from analyzer.filter.language.syntax import Arithmetic, BareWord, Number, Octets, QuotedText
 from analyzer.window.limits import Moment
 from dissectors.times import SECOND
 
@@ -45,9 +45,9 @@ class Constants:
 
     def literal(self, node: Syntax) -> bool:
         """Return whether this is a value as it is written, or a word that is no field."""
-        return isinstance(node, LITERALS) or (isinstance(node, Word) and not self._is_field(node))
+        return isinstance(node, LITERALS) or (isinstance(node, BareWord) and not self._is_field(node))
 
-    def _is_field(self, node: Word) -> bool:
+    def _is_field(self, node: BareWord) -> bool:
         try:
             self.names.find(node.text, self.text, node.span[0])
         except FilterError:
@@ -110,7 +110,7 @@ class Constants:
     def octet(self, node: Syntax) -> Number | None:
         """Return one byte as it is written, two hexadecimal digits as a number; None for anything else."""
         written = self.text[slice(*node.span)].strip()
-        if isinstance(node, (Number, Word)) and _OCTET.fullmatch(written):
+        if isinstance(node, (Number, BareWord)) and _OCTET.fullmatch(written):
             return Number(written, int(written, 16), "", node.span)
         return None
 
@@ -165,7 +165,7 @@ class Constants:
         """Return the number that a word stands for."""
         word = (
             node.text
-            if isinstance(node, Word)
+            if isinstance(node, BareWord)
             else text_value(node, self.text)
             if isinstance(node, QuotedText)
             else None
@@ -173,7 +173,7 @@ class Constants:
         if word is None:
             raise self.fail(f"this is compared with {said(kind)}", node)
         if not kind.texts:
-            if isinstance(node, Word):
+            if isinstance(node, BareWord):
                 raise self._no_value(node, kind)
             bare = isinstance(node, QuotedText) and _NUMBER.match(word)
             hint = "; a number stands without quotes" if bare and kind.sort == "number" else ""
@@ -185,7 +185,7 @@ class Constants:
         names = [words[0] for words in kind.texts.values()]
         raise self.fail(f"{word!r} is none of its values: {listed(_codes(kind))}", node, near(word, names) or names)
 
-    def _no_value(self, node: Word, kind: Kind) -> FilterError:
+    def _no_value(self, node: BareWord, kind: Kind) -> FilterError:
         """Return why a word is not a number: it is a field, the name of one mistyped, or neither."""
         try:
             self.names.find(node.text, self.text, node.span[0])
@@ -199,13 +199,13 @@ class Constants:
         number = self.constant(node)
         if number is not None and not number.unit and number.value in (0, 1):
             return bool(number.value)
-        word = node.text.lower() if isinstance(node, (Word, QuotedText)) else ""
+        word = node.text.lower() if isinstance(node, (BareWord, QuotedText)) else ""
         if word not in _TRUE + _FALSE:
             raise self.fail("the field is a flag: it is 1 or 0, true or false", node, ("1", "0"))
         return word in _TRUE
 
     def _text(self, node: Syntax, kind: Kind, *, code: bool) -> str:
-        if isinstance(node, Word):
+        if isinstance(node, BareWord):
             word = node.text
         elif isinstance(node, QuotedText):
             word = text_value(node, self.text)

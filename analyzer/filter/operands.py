@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.filter.constants import ARITHMETIC, LITERALS, Constants, said
 from analyzer.filter.fields import TEXT, Kind
 from analyzer.filter.language.errors import FilterError, listed, near
-from analyzer.filter.language.syntax import Arithmetic, Call, Number, Sign, Slice, Word
+from analyzer.filter.language.syntax import Arithmetic, BareWord, Call, Number, Sign, Slice
 from analyzer.filter.nodes import ConstantNode, FieldNode, LagNode, MappedNode, PairNode, RowNode, ValueNode
 from analyzer.filter.slices import byte_values, cut, lengths, nowhere
 from analyzer.filter.values import CodedWords, Values
@@ -50,7 +50,7 @@ class Operands(Constants):
         return self._made[id(node)][1]
 
     def _value(self, node: Syntax) -> ValueNode:
-        if isinstance(node, Word):
+        if isinstance(node, BareWord):
             return FieldNode(self.names.find(node.text, self.text, node.span[0]))
         if isinstance(node, Slice):
             return self._slice(node)

@@ -209,7 +209,7 @@ def _frame_list(
 ) -> Writer:  # fmt: skip
     from analyzer.views.frames.fields import FrameFields  # noqa: PLC0415 - few lists are of frames
     from analyzer.views.frames.rows import FrameRows  # noqa: PLC0415
-    from analyzer.views.frames.writers import FrameRecords, FrameText  # noqa: PLC0415
+    from analyzer.views.frames.writers import FrameLines, FrameRecords  # noqa: PLC0415
 
     painter = _painter(options, registry) if options.form == "text" else None
     rows = FrameRows(
@@ -220,7 +220,7 @@ def _frame_list(
     if options.form in BY_NAME:
         return FrameRecords(rows, options.form)
     palette, codes = Palette(True) if options.colour else PLAIN, () if painter is None else painter.codes
-    return FrameText(rows, _clock(options, zero), palette, _width(), codes=codes, comments=options.comments)
+    return FrameLines(rows, _clock(options, zero), palette, _width(), codes=codes, comments=options.comments)
 
 
 def _painter(options: WriterOptions, registry: Registry) -> Painter | None:

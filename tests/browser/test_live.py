@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from analyzer.filter.matcher import Matcher
     from dissectors.kit import Array
 
@@ -153,7 +153,7 @@ def test_details_go_with_the_row_that_is_found_in_the_end(tmp_path: Path, monkey
     """The row one is at is looked at last: until then another one is the current one."""
     go_on, matching, bus = threading.Event(), chosen.matching_rows, Bus(tmp_path)
 
-    def held(store: Store, at: int, matcher: Matcher) -> Array:
+    def held(store: TableStore, at: int, matcher: Matcher) -> Array:
         if at == len(store.segments) - 1:
             go_on.wait(600)
         return matching(store, at, matcher)

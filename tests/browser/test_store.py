@@ -16,7 +16,7 @@ from analyzer.browser.colouring import RowColouring
 from analyzer.browser.listed import ListPages
 from analyzer.browser.store import store as store_module
 from analyzer.browser.store.folder import PREFIX, StoreFolder
-from analyzer.browser.store.store import Store, StoreFullError
+from analyzer.browser.store.store import StoreFullError, TableStore
 from analyzer.browser.view import BrowserView
 from analyzer.cli import main
 from analyzer.window.numbering import Numbering
@@ -24,8 +24,8 @@ from analyzer.window.numbering import Numbering
 CAPTURES = ["mission-8-faults.log", "faults.log", "services.log", "fd.log", "bus-break.log", "hobbywing.log"]
 
 
-def stored(path: str, folder: Path) -> tuple[Store, Run]:
-    run, store = Run(Request((path,))), Store(folder)
+def stored(path: str, folder: Path) -> tuple[TableStore, Run]:
+    run, store = Run(Request((path,))), TableStore(folder)
     run.engine.core.measured = True
     for batch in run.batches():
         store.add(batch)
@@ -102,7 +102,7 @@ def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_batches_share_what_does_not_change(tmp_path: Path) -> None:
-    run, store = Run(Request((capture("mission-8-faults.log"),))), Store(tmp_path)
+    run, store = Run(Request((capture("mission-8-faults.log"),))), TableStore(tmp_path)
     text = Path(capture("mission-8-faults.log")).read_bytes()
     for start in range(0, len(text), 50_000):
         for batch in (*run.engine.feed(text[start : start + 50_000]), *run.engine.flushed()):

@@ -19,6 +19,7 @@ from analyzer.filter import compile_filter
 from analyzer.filter.language.parser import parse
 from analyzer.filter.language.syntax import (
     Arithmetic,
+    BareWord,
     Call,
     Comparison,
     Logic,
@@ -32,12 +33,11 @@ from analyzer.filter.language.syntax import (
     SlicePiece,
     Syntax,
     ValueRange,
-    Word,
 )  # fmt: skip
 from analyzer.tables import KINDS, STATUSES
 
 NAMES = ("can.len", "can.id", "ESCStatus.voltage", "frame.number", "payload", "dronecan.type", "x_1.y")
-words = st.sampled_from(NAMES).map(Word)
+words = st.sampled_from(NAMES).map(BareWord)
 numbers = st.one_of(
     st.integers(0, 10**9).map(lambda n: Number(str(n), n)),
     st.integers(1, 10**6).map(lambda n: Number(f"{n / 1000:.3f}", Fraction(f"{n / 1000:.3f}"))),
@@ -97,7 +97,7 @@ trees = st.recursive(st.one_of(comparisons, words), _conditions, max_leaves=6)
 def written(node: Syntax) -> str:  # noqa: C901, PLR0911, PLR0912 - a line for each kind
     """Return a tree as a filter, with all its parentheses."""
     match node:
-        case Word(text):
+        case BareWord(text):
             return text
         case Number(text, _, unit):
             return f"{text} {unit}" if unit else text

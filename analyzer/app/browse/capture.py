@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.browse.stamps import FileStamps
 from analyzer.app.run import Run
-from analyzer.browser.store.store import Store, StoreFullError
+from analyzer.browser.store.store import StoreFullError, TableStore
 from analyzer.facts.frame_comments import FrameComments
 from analyzer.sources import CaptureError
 
@@ -46,7 +46,7 @@ class CaptureSupply:
         self.notes: list[str] = []
         self._run = Run(request, self._note)
         self._run.engine.core.measured = True
-        self.store, self.registry = Store(folder), self._run.registry
+        self.store, self.registry = TableStore(folder), self._run.registry
         self.name, self.paths = self._run.source.name, request.names
         self.arguments = request.arguments
         self.window = tuple(word for words in request.window_words for word in words.split(" ", maxsplit=1))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from analyzer.app.browse.happened import happened, statistic
 from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.browse.tabs import finding_line
-from analyzer.browser.store.store import Store, StoreFullError
+from analyzer.browser.store.store import StoreFullError, TableStore
 from analyzer.browser.supply import TABS, TabLine
 from analyzer.stats.catalogue import named as known_statistic
 
@@ -52,7 +52,7 @@ class LiveSupply:
         self, criteria: Criteria, name: str, folder: Path, stop: Callable[[], None], named: LiveNames,
         recorded: str = "", options: BrowseOptions | None = None,
     ) -> None:  # fmt: skip
-        self.store, self.registry, self.name = Store(folder), criteria.registry, name
+        self.store, self.registry, self.name = TableStore(folder), criteria.registry, name
         # What is written and drawn is read from the recording.
         self.paths: tuple[str, ...] = (recorded,) if recorded else ()
         self.arguments: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What is typed in the line: it is asked for, checked as it comes, and done."""
+"""The line that is typed in: text is asked for, checked as it comes, and done."""
 
 from __future__ import annotations
 

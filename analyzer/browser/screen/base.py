@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.lines import Spans
     from analyzer.browser.screen.tools import Tools
     from analyzer.browser.search import Search
-    from analyzer.browser.view import BrowserView, Shown
+    from analyzer.browser.view import BrowserView, ShownRow
 
 _AROUND = 4  # lines that are no pane: top, strip, filter, bottom
 _WIDE, _HIGH = 120, 30  # from here on details and bytes stand side by side
@@ -58,7 +58,7 @@ class BrowserBase(App[None]):
         self.view, self.tools, self.plain = view, tools, plain
         self.chord = ""
         self.tab = TABS[0]
-        self.shown: Shown | None = None
+        self.shown: ShownRow | None = None
         self.start = start
         self.said, self.said_style = "", ""
         self._names: Sequence[str] = ()

@@ -12,7 +12,7 @@ from analyzer.browser.view import MOST_NAMED
 from analyzer.views.records import JsonLines
 
 if TYPE_CHECKING:
-    from analyzer.browser.store.store import Row
+    from analyzer.browser.store.store import ListRow
 
 _MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
 _COPIES = {
@@ -152,29 +152,29 @@ class Handing(Searching):
         }  # fmt: skip
         return forms[form](rows)
 
-    def _bytes(self, rows: list[Row]) -> str:
+    def _bytes(self, rows: list[ListRow]) -> str:
         """Return what transfers carry, and frames that form none, in hexadecimal, a row a line."""
         return "\n".join(filter(None, (self.view.content(row).hex() for row in rows)))
 
-    def _lines(self, rows: list[Row]) -> str:
+    def _lines(self, rows: list[ListRow]) -> str:
         rules = map(self.view.rules_of, rows)
         lines = zip(self.view.pages.lines(rows, 500), rules, strict=True)
         return "\n".join("  ".join((line.text.rstrip(), *some)) for line, some in lines)
 
-    def _json(self, rows: list[Row]) -> str:
+    def _json(self, rows: list[ListRow]) -> str:
         view = self.view
         at = sorted(view.number_of(row) for row in rows if row.kind == TRANSFER)
         texts = JsonLines(view.supply.registry).rows(cut_transfers(view.store, at)) if at else ()
         return "".join(texts).rstrip("\n")
 
-    def _details(self, rows: list[Row]) -> str:
+    def _details(self, rows: list[ListRow]) -> str:
         every = (self.view.shown(row, elements=False).lines for row in rows)
         return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
 
-    def _frames(self, rows: list[Row]) -> str:
+    def _frames(self, rows: list[ListRow]) -> str:
         return "\n".join(filter(None, map(self._candump, rows)))
 
-    def _candump(self, row: Row) -> str:
+    def _candump(self, row: ListRow) -> str:
         """Return the frames of a row as `candump -l` writes them."""
         view = self.view
         lines = []

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.browser.screen.list_pane import PacketList
-    from analyzer.browser.store.store import Row
+    from analyzer.browser.store.store import ListRow
 
 _WAYS = (
     ("a", "apply as filter", "apply('')"), ("", "apply as filter: not", "apply('not')"), ("&", "and", "apply('and')"),
@@ -87,7 +87,7 @@ class Offering(Asking):
         yield MenuEntry("w", "write what is selected or displayed to a file", "ask_write")
         yield MenuEntry("o", "the picture around it, in Rerun", "plot")
 
-    def _row_entries(self, row: Row) -> Iterator[MenuEntry]:
+    def _row_entries(self, row: ListRow) -> Iterator[MenuEntry]:
         """Yield what can be done with the row itself."""
         view = self.view
         if view.conversation_of(row) is not None:

@@ -8,7 +8,7 @@ from textual.events import Key, Paste
 
 from analyzer.browser.screen.keys import EVERY
 from analyzer.browser.screen.offering import Offering
-from analyzer.browser.screen.pages.page import Page
+from analyzer.browser.screen.pages.page import ScreenPage
 
 if TYPE_CHECKING:
     from textual import events
@@ -37,7 +37,7 @@ class Pressing(Offering):
         if (self.focused is self.bar and self._typed(event)) or await self._check_bindings(event.key, priority=True):
             return
         page = self.screen
-        if isinstance(page, Page):
+        if isinstance(page, ScreenPage):
             page.take(event)
             if page.chosen:
                 await self.run_action(page.chosen)

@@ -15,7 +15,7 @@ from dissectors.kit.cells import numbers
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Store
+    from analyzer.browser.store.store import TableStore
     from dissectors.kit import Array
 
 _RAW = ("id", "flags", "data")
@@ -24,7 +24,7 @@ _RAW = ("id", "flags", "data")
 class StoredFrames(FrameWindow):
     """Frames of a store, by their number from 0."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: TableStore) -> None:
         super().__init__()
         self._store = store
 
@@ -57,7 +57,7 @@ class StoredFrames(FrameWindow):
         return RawFrame(frame_id, data, bus, told, flags)
 
 
-def cut_transfers(store: Store, numbered: Sequence[int]) -> Batch:
+def cut_transfers(store: TableStore, numbered: Sequence[int]) -> Batch:
     """Return a batch with transfers of any segments, by their numbers from 0 in ascending order, numbered from 0."""
     parts: list[pa.RecordBatch] = []
     messages: dict[str, list[pa.RecordBatch]] = {}

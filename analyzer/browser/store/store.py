@@ -31,7 +31,7 @@ class StoreFullError(Exception):
     """The store cannot be written; says why in one line."""
 
 
-class Row(NamedTuple):
+class ListRow(NamedTuple):
     """A row of the list: which segment, its place in its list there, its kind and its row in that table."""
 
     segment: int
@@ -41,7 +41,7 @@ class Row(NamedTuple):
     place: int
 
 
-class Store:
+class TableStore:
     """All tables of a capture, in files of a folder. One thread adds, others read what is there.
 
     Attributes:
@@ -126,13 +126,13 @@ class Store:
         at = bisect_right(self.starts, number) - 1
         return at, number - self.starts[at]
 
-    def row(self, at: int, local: int) -> Row:
+    def row(self, at: int, local: int) -> ListRow:
         """Return a row of a segment."""
         one = self.opened(at)
         kind, index = split(one.column("rows", "key")[local : local + 1])
-        return Row(at, local, int(kind[0]), int(index[0]), int(one.column("rows", "place")[local]))
+        return ListRow(at, local, int(kind[0]), int(index[0]), int(one.column("rows", "place")[local]))
 
-    def time(self, row: Row) -> int | None:
+    def time(self, row: ListRow) -> int | None:
         """Return the time of a row in nanoseconds."""
         table, index = ("transfers", "frames", "settled", "events")[row.kind], row.entry
         if row.kind == SETTLED:

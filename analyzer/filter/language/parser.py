@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 from analyzer.filter.language.scanner import Scanner
 from analyzer.filter.language.syntax import (
     Arithmetic,
+    BareWord,
     Call,
     Comparison,
     Logic,
@@ -19,7 +20,6 @@ from analyzer.filter.language.syntax import (
     Slice,
     SlicePiece,
     ValueRange,
-    Word,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class _Parser:
             self._fail("the filter is empty")
         tree = self._expression(0)
         if self._token.kind != "end":
-            apart = isinstance(tree, Word) and "." not in tree.text and self._token.kind == "word"
+            apart = isinstance(tree, BareWord) and "." not in tree.text and self._token.kind == "word"
             self._unexpected("an operator such as && or ==" + (" (or the dot of a name)" if apart else ""))
         return tree
 
@@ -131,7 +131,7 @@ class _Parser:
         if token.kind in ("-", "+"):
             return self._signed(token)
         if token.kind == "word":
-            return self._call(token) if self._token.kind == "(" else Word(token.text, place)
+            return self._call(token) if self._token.kind == "(" else BareWord(token.text, place)
         return self._literal(token, place)
 
     def _literal(self, token: FilterToken, place: Span) -> Syntax:

@@ -14,7 +14,7 @@ _NOWHERE: Span = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class BareWord:
     """A name with dots, of a field or a type, or a value in plain letters."""
 
     text: str
@@ -149,7 +149,7 @@ class Logic:
 
 
 Syntax = (
-    Word
+    BareWord
     | Number
     | QuotedText
     | Octets

@@ -19,7 +19,7 @@ MOST = 4096  # reports of one device within the time in which a voltage may fall
 
 
 @dataclass(slots=True)
-class Supply:
+class SupplyReports:
     """Reports of a supply: V, A and what the line of its current says, in V; NaN for what is not known."""
 
     at: RowPlaces
@@ -36,24 +36,24 @@ class RecentSupply:
     """Keeps the reports of one device of the last `sink_s`, `MOST` at most."""
 
     def __init__(self) -> None:
-        self._pieces: list[Supply] = []
+        self._pieces: list[SupplyReports] = []
 
     @property
     def highest(self) -> float:
         """The highest voltage."""
         return max((float(one.voltage.max()) for one in self._pieces), default=-np.inf)
 
-    def followed_by(self, new: Supply) -> Supply:
+    def followed_by(self, new: SupplyReports) -> SupplyReports:
         """Return all of them, and others behind them."""
         return _joined([*self._pieces, new]) if self._pieces else new
 
-    def keep(self, new: Supply) -> None:
+    def keep(self, new: SupplyReports) -> None:
         """Take the next ones."""
         oldest = int(new.at.ran.max()) - lasting("sink")
         first = max(len(new.at) - MOST, int(np.argmax(new.at.ran >= oldest)))
         some = slice(first, None)
         kept = [one for one in self._pieces if int(one.at.ran.max()) >= oldest]
-        kept.append(Supply(
+        kept.append(SupplyReports(
             new.at.take(some).settled(), *(one[some].copy() for one in (new.voltage, new.current, new.line))
         ))  # fmt: skip
         while len(kept) > 1 and sum(len(one.at) for one in kept) > MOST:
@@ -61,7 +61,7 @@ class RecentSupply:
         self._pieces = kept
 
 
-def _joined(pieces: Sequence[Supply]) -> Supply:
+def _joined(pieces: Sequence[SupplyReports]) -> SupplyReports:
     at = pieces[0].at
     for one in pieces[1:]:
         at = at.followed_by(one.at)
@@ -69,4 +69,4 @@ def _joined(pieces: Sequence[Supply]) -> Supply:
         np.concatenate(columns)
         for columns in zip(*((one.voltage, one.current, one.line) for one in pieces), strict=True)
     )
-    return Supply(at, voltage, current, line)
+    return SupplyReports(at, voltage, current, line)

@@ -13,7 +13,7 @@ from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
-from analyzer.flight.supply.recent_supply import RecentSupply, Supply
+from analyzer.flight.supply.recent_supply import RecentSupply, SupplyReports
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
 
@@ -50,7 +50,7 @@ class _Fall:
     `at_once` are those that are low within a moment.
     """
 
-    def __init__(self, every: Supply, then: Array, at_once: Array) -> None:
+    def __init__(self, every: SupplyReports, then: Array, at_once: Array) -> None:
         self._every, self._then, self._at_once = every, then, at_once
         self._first = len(every.voltage) - len(then)
 
@@ -115,7 +115,7 @@ class SagEvents(ReportEvents):
                 return
             recent = self._recent[plot.table, key] = RecentSupply()
         line = self._lines.setdefault((plot.table, key), _native.SupplyLine())
-        new = Supply(at, volts, amperes, cells(line.feed(volts, amperes), np.float64))
+        new = SupplyReports(at, volts, amperes, cells(line.feed(volts, amperes), np.float64))
         low, fall = np.zeros(len(volts), bool), None
         if volts.min() < max(float(volts.max()), recent.highest) * _share("sink_percent"):
             low, fall = _fallen(recent.followed_by(new), len(volts))
@@ -154,7 +154,7 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
     return _Sag(high.before, high.current_before, deep.least, deep.current, deep.expected, one.slowly)
 
 
-def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
+def _fallen(every: SupplyReports, count: int) -> tuple[Array, _Fall]:
     """Return which of the last reports are low: at once, or in seconds and not by their current."""
     first = len(every.voltage) - count
     rows, ran = np.arange(first, len(every.voltage)), np.maximum.accumulate(every.at.ran)
@@ -169,7 +169,7 @@ def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
     return fell | sank, _Fall(every, np.where(sank, long, just), fell)
 
 
-def _explained(every: Supply, then: Array, now: Array) -> Array:
+def _explained(every: SupplyReports, then: Array, now: Array) -> Array:
     """Return the voltages that currents explain: those of before, less what the line of the supply costs more now.
 
     NaN is what no line is known for: a pack is loaded by other motors, too, so that one's current alone says nothing.

@@ -89,7 +89,7 @@ class MeasuredSide:
 
     @property
     def triage(self) -> Triage | None:
-        """What happened in its flights; None if nobody looked."""
+        """The answer of triage for its flights; None if nobody looked."""
         return self.report.triages[0] if self.report.triages else None
 
     @property

@@ -41,7 +41,7 @@ _NUMBER: Template = ("number", PLAIN, ("plain",))
 _FROM_ONE: Template = ("number", PLAIN, ("from one",))
 
 
-class FrameText(FrameWriter):
+class FrameLines(FrameWriter):
     """The frames as lines for people: number, time, delta, bus, identifier, length, bytes, verdict, transfer."""
 
     def __init__(

@@ -6,7 +6,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.keys import help_lines
-from analyzer.browser.screen.pages.page import Page
+from analyzer.browser.screen.pages.page import ScreenPage
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
@@ -26,7 +26,7 @@ _SIGNS = (
 _KEY = 11
 
 
-class TextPage(Page):
+class TextPage(ScreenPage):
     """A page of lines; arrows scroll, any other key goes back."""
 
     def __init__(self, title: str, lines: Sequence[Spans]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.browser.screen.lines import padded
-from analyzer.browser.screen.pages.page import Page
+from analyzer.browser.screen.pages.page import ScreenPage
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
@@ -25,7 +25,7 @@ class MenuEntry(NamedTuple):
     action: str
 
 
-class MenuPage(Page):
+class MenuPage(ScreenPage):
     """Offers entries; ends with the action of the one that was chosen, empty for none."""
 
     def __init__(self, title: str, entries: Sequence[MenuEntry]) -> None:

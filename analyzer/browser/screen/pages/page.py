@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _STEPS = {"up": -1, "down": 1, "pageup": -20, "pagedown": 20, "k": -1, "j": 1, "home": -99_999, "end": 99_999}
 
 
-class Page(ModalScreen[None]):
+class ScreenPage(ModalScreen[None]):
     """Lines over the whole terminal; `chosen` is the action that it ended with, empty for none."""
 
     CSS: ClassVar[str] = "Page { background: ansi_default; } #page { height: 100%; }"

@@ -1,4 +1,4 @@
-"""What ESCs are commanded while their motors are driven: what one needs beyond the others is its own.
+"""Commands of ESCs while their motors are driven: what one needs beyond the others is its own.
 
 The longer capture counts as long as the shorter one: who climbs needs more than who hovers.
 """
