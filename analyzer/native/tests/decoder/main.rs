@@ -194,7 +194,7 @@ fn texts_units_and_days() {
             Some(&[0b0111][..])
         )
     );
-    assert_eq!(text(letters), (vec![0, 2, 6, 6, 6], "V101AB"));
+    assert_eq!(text(letters), (vec![0, 2, 7, 7, 7], "V1\u{1}\\xab"));
 }
 
 #[test]
