@@ -75,8 +75,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Make parameters of `sampled` tests slow, all but the first and each so-manieth after it.
 
     With `--share N` only one in N of those that became slow is left, one in N of the parameters of other slow tests,
-    but for laws, and every third one of those without parameters: others for each seed. The guest, which takes longest
-    and waits most of the time, begins at once.
+    but for laws and proofs, and every third one of those without parameters: others for each seed. The guest, which
+    takes longest and waits most of the time, begins at once.
     """
     items.sort(key=lambda item: item.path.name != GUEST)
     share, seed = config.getoption("--share"), config.getoption("--seed")
@@ -101,8 +101,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _waits_its_turn(item: pytest.Item) -> bool:
-    slow = item.get_closest_marker("slow") and not item.get_closest_marker("law")
-    return bool(slow) and item.path.name != GUEST
+    always = item.path.name == GUEST or any(map(item.get_closest_marker, ("law", "proof")))
+    return item.get_closest_marker("slow") is not None and not always
 
 
 GUEST = "test_socketcan.py"

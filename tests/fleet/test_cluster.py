@@ -55,6 +55,7 @@ def serial(logs, tmp_path):  # noqa: F811 - pytest's way
     return content(store)
 
 
+@pytest.mark.proof
 def test_a_worker_that_is_killed_changes_nothing(logs, tmp_path, serial):  # noqa: F811
     store = ResultStore(str(tmp_path / "results"))
     with cluster(ClusterChoice(workers=2)) as workers:
@@ -100,6 +101,7 @@ def test_a_capture_that_kills_its_worker_is_an_error_and_no_more(logs, tmp_path,
     assert ResultStore.done(store, retry=False) - ResultStore.done(store, retry=True) != set()
 
 
+@pytest.mark.proof
 def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noqa: F811
     store, script = ResultStore(str(tmp_path / "results")), tmp_path / "driver.py"
     script.write_text(_DRIVER)
@@ -172,6 +174,7 @@ def storage(monkeypatch):
     server.stop()
 
 
+@pytest.mark.proof
 def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F811
     place, files = storage
     for path in logs.iterdir():
