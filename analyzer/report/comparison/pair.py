@@ -13,9 +13,12 @@ from dissectors.records import replace
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from analyzer.facts.senders import SenderFacts
     from analyzer.report.comparison.matching import Matching, Node
     from analyzer.report.comparison.model import Support
+    from analyzer.report.comparison.samples import EscKey, EscRows
     from analyzer.report.comparison.traits import MeasuredSide
 
 _SURE, _RATHER = 10, 3  # times the least that is asked for
@@ -43,6 +46,15 @@ class Pair:
     def theirs(self) -> dict[Node, SenderFacts]:
         """The nodes of the second capture."""
         return nodes_of(self.bad)
+
+    def escs(self) -> Iterator[tuple[EscKey, EscRows, EscRows]]:
+        """Yield the ESCs of both captures, known as in the second one, with their reports in both."""
+        theirs = self.bad.traits.samples.all
+        for key, rows in self.good.traits.samples.all.items():
+            there = self.matching.nodes.get(key[:2])
+            other = None if there is None else theirs.get((*there, key[2]))
+            if there is not None and other is not None:
+                yield (*there, key[2]), rows, other
 
     @property
     def timed(self) -> bool:

@@ -75,13 +75,8 @@ def _words(pair: Pair, one: _Driven, size: float) -> dict[str, Any]:
 
 def _driven(pair: Pair) -> dict[EscKey, _Driven]:
     """Return the ESCs whose motors were driven for long enough in both captures, by that of the second."""
-    mine, theirs = pair.good.traits.samples.all, pair.bad.traits.samples.all
     found = {}
-    for key, rows in mine.items():
-        there = pair.matching.nodes.get(key[:2])
-        other = None if there is None else theirs.get((*there, key[2]))
-        if there is None or other is None:
-            continue
+    for key, rows, other in pair.escs():
         (began, before), (begun, after) = _commands(rows), _commands(other)
         if not (len(before) and len(after)):
             continue
@@ -89,7 +84,7 @@ def _driven(pair: Pair) -> dict[EscKey, _Driven]:
         before, after = before[began <= shared], after[begun <= shared]
         if min(len(before), len(after)) >= pair.limits["reports"]:
             medians = float(np.median(before)), float(np.median(after))
-            found[(*there, key[2])] = _Driven(*medians, (len(before), len(after)))
+            found[key] = _Driven(*medians, (len(before), len(after)))
     return found
 
 

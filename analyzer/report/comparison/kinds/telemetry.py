@@ -105,19 +105,14 @@ def compared(pair: Pair) -> tuple[int, int]:
 
 def _escs(pair: Pair) -> dict[EscKey, _Esc]:
     """Return the ESCs of both captures by that of the second."""
-    mine, theirs = pair.good.traits.samples.all, pair.bad.traits.samples.all
     found = {}
-    for key, rows in mine.items():
-        there = pair.matching.nodes.get(key[:2])
-        other = None if there is None else theirs.get((*there, key[2]))
-        if there is None or other is None:
-            continue
+    for key, rows, other in pair.escs():
         both = rows.arrays(), other.arrays()
         width = pair.limits["command"]
         ranges = [np.where(np.isnan(v[:, 0]), -1, np.rint(np.nan_to_num(v[:, 0]) / width)).astype(int) for _, v in both]
         starts = [side.start or 0 for side in (pair.good, pair.bad)]
         ages = [np.searchsorted(_AGES, t - start) for (t, _), start in zip(both, starts, strict=True)]
-        found[(*there, key[2])] = _Esc(
+        found[key] = _Esc(
             (both[0][0], both[1][0]), (both[0][1], both[1][1]), (ranges[0], ranges[1]), (ages[0], ages[1])
         )
     return found
