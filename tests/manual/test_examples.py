@@ -238,6 +238,7 @@ def reader(
     time.tzset()
 
 
+@pytest.mark.proof
 @pytest.mark.sampled(25)
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_a_page_does_what_it_says(reader: Reader, page: Path) -> None:
@@ -253,6 +254,7 @@ def test_a_page_does_what_it_says(reader: Reader, page: Path) -> None:
         assert all(line.startswith("    (17734753") for line in shown[2::3])
 
 
+@pytest.mark.proof
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("command", EXAMPLES)
 def test_the_examples_of_help_do_what_they_say(reader: Reader, command: str) -> None:
