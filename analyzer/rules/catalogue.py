@@ -13,8 +13,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
+from dissectors.frame_text import filled
 from dissectors.keys.pages import CATEGORIES, PAGE, PAGES
-from dissectors.kit.frame_text import filled
 from dissectors.pages import files_in, page_files, read_pages
 from dissectors.records import dataclass
 

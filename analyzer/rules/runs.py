@@ -8,8 +8,8 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from typing import TYPE_CHECKING, NamedTuple
 
+from dissectors.frame_text import FrameText
 from dissectors.kit import SECOND
-from dissectors.kit.frame_text import FrameText
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:

@@ -34,6 +34,7 @@ def imported(*args: str) -> set[str]:
     return set(done.stderr.decode().rpartition("imported: ")[2].split())
 
 
+@pytest.mark.proof
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("args", "status", "unwanted"),
@@ -115,6 +116,7 @@ print(pc.add(pa.array([1, 2]), 2), pc.take(pa.array([1]), pa.array([0])))
 """
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_arrow_does_the_same_without_its_documentation() -> None:
     done = [

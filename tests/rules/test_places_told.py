@@ -11,7 +11,7 @@ import pytest
 from analyzer.decode.places import Places
 from analyzer.rules.diagnosis.causes import Cause, late_copy, wrong_id
 from analyzer.rules.runs import OccurrenceRun, Shown
-from dissectors.kit.frame_text import FrameNumber, FrameText, filled, listed
+from dissectors.frame_text import FrameNumber, FrameText, filled, listed
 
 TEXT = "frame {frame} repeats frames {others}, {late} frames late {{}} {name!r:>5}"
 VALUES = {"frame": FrameNumber.at(0), "others": listed((1, 11), " and "), "late": 7, "name": "n"}

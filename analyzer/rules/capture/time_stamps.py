@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.tables import FRAME_ANOMALIES, distinct
+from dissectors.frame_text import FrameNumber
 from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule
-from dissectors.kit.frame_text import FrameNumber
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

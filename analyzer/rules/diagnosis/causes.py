@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from dissectors.kit.frame_text import FrameNumber, FrameText, listed
+from dissectors.frame_text import FrameNumber, FrameText, listed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -16,8 +16,8 @@ from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
+from dissectors.frame_text import FrameNumber, FrameText
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrences, rule
-from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -10,8 +10,8 @@ from analyzer.rules.diagnosis.causes import Cause
 from analyzer.rules.frames.type_conflicts import types_of
 from analyzer.rules.view import node_of
 from analyzer.tables import TAIL_TOGGLE
+from dissectors.frame_text import FrameNumber, FrameText
 from dissectors.kit import Occurrence
-from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -15,7 +15,7 @@ from analyzer.rules.diagnosis.search import AHEAD
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.missing_start import MissingStart
 from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
-from dissectors.kit.frame_text import FrameNumber
+from dissectors.frame_text import FrameNumber
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
