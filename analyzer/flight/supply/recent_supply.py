@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,31 +32,38 @@ class SupplyReports:
         return float(self.voltage[k]), float(self.current[k])
 
 
+class _Piece(NamedTuple):
+    """Reports that came together, the latest of their times and the highest of their voltages."""
+
+    reports: SupplyReports
+    newest: int
+    highest: float
+
+
 class RecentSupply:
     """Keeps the reports of one device of the last `sink_s`, `MOST` at most."""
 
     def __init__(self) -> None:
-        self._pieces: list[SupplyReports] = []
+        self._pieces: list[_Piece] = []
 
     @property
     def highest(self) -> float:
         """The highest voltage."""
-        return max((float(one.voltage.max()) for one in self._pieces), default=-np.inf)
+        return max((one.highest for one in self._pieces), default=-np.inf)
 
     def followed_by(self, new: SupplyReports) -> SupplyReports:
         """Return all of them, and others behind them."""
-        return _joined([*self._pieces, new]) if self._pieces else new
+        return _joined([*(one.reports for one in self._pieces), new]) if self._pieces else new
 
     def keep(self, new: SupplyReports) -> None:
         """Take the next ones."""
         oldest = int(new.at.ran.max()) - lasting("sink")
         first = max(len(new.at) - MOST, int(np.argmax(new.at.ran >= oldest)))
         some = slice(first, None)
-        kept = [one for one in self._pieces if int(one.at.ran.max()) >= oldest]
-        kept.append(SupplyReports(
-            new.at.take(some).settled(), *(one[some].copy() for one in (new.voltage, new.current, new.line))
-        ))  # fmt: skip
-        while len(kept) > 1 and sum(len(one.at) for one in kept) > MOST:
+        kept = [one for one in self._pieces if one.newest >= oldest]
+        at, columns = new.at.take(some).settled(), [one[some].copy() for one in (new.voltage, new.current, new.line)]
+        kept.append(_Piece(SupplyReports(at, *columns), int(at.ran.max()), float(columns[0].max())))
+        while len(kept) > 1 and sum(len(one.reports.at) for one in kept) > MOST:
             del kept[0]
         self._pieces = kept
 

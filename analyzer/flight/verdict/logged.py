@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.verdict.case import FlightCase
-    from analyzer.flight.verdict.model import Verdict
+    from analyzer.flight.verdict.model import Support, Verdict
     from analyzer.flight.verdict.said import Onset
 
 
@@ -59,7 +59,7 @@ class Logged:
         return found
 
 
-def _support(verdict: Verdict, found: Opinion) -> str:
+def _support(verdict: Verdict, found: Opinion) -> Support:
     """Return how well a verdict is supported: an own word more, or less, is a step; what is possible stays so."""
     step = SUPPORTS.index(verdict.support)
     if step < len(SUPPORTS) - 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dissectors.records import dataclass, field
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from analyzer.flight.odd.later import OddLater
     from analyzer.flight.timeline.timeline import TimeLine
 
-SUPPORTS = ("well supported", "likely", "possible")
+Support = Literal["well supported", "likely", "possible"]
+SUPPORTS: tuple[Support, Support, Support] = ("well supported", "likely", "possible")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class Verdict:
 
     kind: str
     title: str
-    support: str
+    support: Support
     bus: int | None = None
     node: int | None = None
     ch: int | None = None

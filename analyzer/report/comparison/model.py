@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from analyzer.flight.verdict import model as verdicts
 from dissectors.records import as_dict, dataclass, field
 
 SCHEMA = "tailbyte.diff/1"
@@ -27,7 +28,7 @@ Kind = Literal[
     "bus",
 ]
 Weight = Literal["error", "warning", "note"]
-Support = Literal["well supported", "likely", "possible"]
+Support = verdicts.Support  # a difference is supported as a verdict is
 
 KINDS: tuple[Kind, ...] = (
     "flight", "exchange", "node", "hardware", "firmware", "reading", "parameter", "rate", "loss", "telemetry",

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
     from analyzer.flight.flights import Flight
     from analyzer.flight.verdict.model import Triage, Verdict
     from analyzer.report.comparison.matching import Node
-    from analyzer.report.comparison.model import Support, Weight
+    from analyzer.report.comparison.model import Weight
     from analyzer.report.comparison.pair import Pair
 
 _ENDS = {"cut": "recording ends", "lost": "reports end", "landed": "landed"}
-_SUPPORTS: dict[str, Support] = {"well supported": "well supported", "likely": "likely", "possible": "possible"}
 _NO, _YES = "no", "yes"
 _CUT = "CAP-005"  # the finding that a recording ends with motors turning
 _RECORDER = "recorder"  # whose losses are none of the vehicle
@@ -83,7 +82,7 @@ def _cause(pair: Pair, one: Verdict, weight: Weight, *, in_bad: bool) -> Differe
     found = Difference(
         kind="flight", weight=weight, who="" if node is None else pair.who(side, node),
         bus=side.facts.bus_names[one.bus or 0], node=one.node, what=one.gist, good=_NO if in_bad else _YES,
-        bad=_YES if in_bad else _NO, support=_SUPPORTS[one.support], since="first" if in_bad and one.t_end else "",
+        bad=_YES if in_bad else _NO, support=one.support, since="first" if in_bad and one.t_end else "",
         t_ns=one.t_end if in_bad else None, frame=one.frame + 1 if in_bad and one.frame is not None else None,
         remark="; ".join(one.reasons[:1]),
     )  # fmt: skip
