@@ -53,7 +53,7 @@ class Remarks:
     def _remarked(self, name: str, place: int, of: Message | Packet, table: pa.RecordBatch) -> Remarked:
         remark = of.remarks[place]
         raw, has, usual = _raw(of, remark, table)
-        wanted = has & ~np.isin(raw, usual)
+        wanted = has & ~_among(raw, usual)
         before = np.full(len(table), -1, np.int64)
         holds = holding(remark.only, table)
         if holds is not None:
@@ -106,13 +106,20 @@ def _raw(of: Message | Packet, remark: Remark, table: pa.RecordBatch) -> tuple[A
     raw = values.astype(np.int64)
     special = () if note is None else tuple(note.special)
     if about.part is not None:
-        has = has & ~np.isin(raw, special)
+        has = has & ~_among(raw, special)
         raw = raw >> about.part.low & (1 << about.part.width) - 1
         return raw, has, remark.usual or ((0,) if about.part.flag else ())
     flags = sum(1 << part.low for part in note.parts if part.flag) if note is not None and not remark.text else 0
     if flags:
-        return np.where(np.isin(raw, special), 0, raw & flags), has, (0,)
+        return np.where(_among(raw, special), 0, raw & flags), has, (0,)
     return raw, has, (*remark.usual, *special)
+
+
+def _among(raw: Array, few: tuple[int, ...]) -> Array:
+    found = np.zeros(len(raw), bool)
+    for one in few:
+        found |= raw == one
+    return found
 
 
 def _own(table: pa.RecordBatch, field: str) -> str:

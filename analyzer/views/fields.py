@@ -11,6 +11,7 @@ from analyzer.decode.told import reading_column
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.json_fields import HEX, structure_template
 from analyzer.views.members import ALL, PLAIN, CellTemplates
+from analyzer.views.pick import Pick
 from analyzer.views.sheets import Sheets, type_column, types_of
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
@@ -104,10 +105,11 @@ class Fields:
         """Write a line for each picked transfer (all if not given)."""
         for clock in self._clocks.values():
             clock.start(batch.frames)
+        pick = Pick(batch, picked and picked.transfers)
+        beside = {name: self._beside(pick, name) for name in map(fixed, self._names) if name in _BESIDE}
+        batch, rows = pick.batch, pick.rows
         types, places = type_column(batch, self._registry)
-        beside = {name: self._beside(batch, name) for name in map(fixed, self._names) if name in _BESIDE}
         words = [[escape(bus) for bus in batch.buses], ["" if m is None else m.name for m in types]]
-        rows = picked and picked.transfers
         return self._sheets.texts(batch, rows, types_of(types, places, rows), beside | {_TYPE: places}, words)
 
     def end(self) -> str:
@@ -148,15 +150,16 @@ class Fields:
             for one in found
         ]
 
-    def _beside(self, batch: Batch, name: str) -> pa.Array:
+    def _beside(self, pick: Pick, name: str) -> pa.Array:
         """Return a column that is no column of a table."""
+        transfers = pick.batch.transfers
         if name in _TIMES:
-            return self._clocks[name].elapsed(batch.transfers.column("t"))
+            return pick.elapsed(self._clocks[name])
         if name == "frame.time":
-            return self._dates.dates(batch.transfers.column("t"))
+            return self._dates.dates(transfers.column("t"))
         if name == "frame.number":
-            return pa.array(self._numbering.of_all(first_frames(batch.transfers)))
-        frames = pylist(batch.transfers.column("frame"))
+            return pa.array(self._numbering.of_all(first_frames(transfers)))
+        frames = pylist(transfers.column("frame"))
         return pa.array([self._of_frames(some, _FRAME[name]) for some in frames], pa.string())
 
     def _of_frames(self, numbers: Sequence[int], read: Callable[[RawFrame], int | str]) -> str:

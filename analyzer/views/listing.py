@@ -16,6 +16,7 @@ from analyzer.views.members import NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
 from analyzer.views.named import rules_of, tag
 from analyzer.views.phrases import OCTETS, REMARK, Phrases, shortened
+from analyzer.views.pick import Pick
 from analyzer.views.sheets import Sheets, type_column, type_names, types_of
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.troubles import oddities, troubles
@@ -122,10 +123,11 @@ class Listing:
         self._colours = [] if colours is None else colours.transfers
         self._marks.feed(batch, picked, self._loose.feed(batch, picked), colours)
         self._names = batch.buses
-        rows = np.asarray(picked.transfers, np.int64)
-        first = first_frames(batch.transfers, rows)
+        pick = Pick(batch, picked.transfers)
+        first = first_frames(pick.batch.transfers, pick.rows)
         self._places = first.tolist()
-        self._entries = self._texts(batch, rows, first) if self._places else iter(())
+        elapsed = pick.elapsed(self._clock)
+        self._entries = self._texts(pick, first, elapsed) if self._places else iter(())
 
     def places(self) -> list[int]:
         """Return the places of the first frames of the transfers, from 0."""
@@ -189,11 +191,10 @@ class Listing:
         text = f"    Frame  {self._clock.head:<{self._time}}{source}>Dst {bus}{'Type':<{self._type}} ID  Info"
         return self._palette.paint("head", self._cut(text)) + "\n"
 
-    def _texts(self, batch: Batch, rows: Array, first: Array) -> Iterator[str]:
-        transfers = batch.transfers
+    def _texts(self, pick: Pick, first: Array, elapsed: pa.Array) -> Iterator[str]:
+        batch, rows, transfers = pick.batch, pick.rows, pick.batch.transfers
         types, column = type_column(batch, self._registry, rows)
         names, places = type_names(batch, types, column, rows), numbers(column)
-        elapsed = self._clock.elapsed(transfers.column("t"), rows)
         days, seconds = self._clock.days(transfers.column("t"))
         if self._buses < 0 or self._buses < 2 <= len(batch.buses):
             ends = [self._clock.written(elapsed, days, seconds, int(rows[k])) for k in (0, -1)]

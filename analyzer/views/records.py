@@ -25,6 +25,7 @@ from analyzer.views.json_fields import (
 )  # fmt: skip
 from analyzer.views.members import ALL, NOTHING, PLAIN
 from analyzer.views.named import rules_of
+from analyzer.views.pick import Pick
 from analyzer.views.rows import TransferRows
 from analyzer.views.sheets import Sheets, type_column, types_of
 from dissectors.kit.cells import numbers, pylist
@@ -90,6 +91,8 @@ class _Records:
 
     def texts(self, batch: Batch, picked: ListedRows | None) -> Iterator[str]:
         """Yield the record of each picked transfer (all if not given)."""
+        pick = Pick(batch, picked and picked.transfers)
+        batch, rows = pick.batch, pick.rows
         types, places = type_column(batch, self._registry)
         beside = {"type": places, "bare": _bare(batch, self._registry)}
         if self._named is not None:
@@ -97,7 +100,6 @@ class _Records:
             beside[FINDINGS] = pa.array(rules, _BESIDE[FINDINGS])
         names = [None if m is None else m.name for m in types]
         words = [[self._word(word) for word in some] for some in (batch.buses, names)]
-        rows = picked and picked.transfers
         return self._sheets.texts(batch, rows, types_of(types, places, rows), beside, words)
 
     def _part(self, _: str, of: Message | Packet | None, columns: SheetColumns) -> list[Template | None]:

@@ -60,6 +60,11 @@ class TimeFormat:
         return _HEADS.get(self.mode, "Time [s]")
 
     @property
+    def follows_all(self) -> bool:
+        """What is written of a row depends on the one before, whether that is shown or not."""
+        return self.mode == "d"
+
+    @property
     def nine(self) -> bool:
         """Whole nanoseconds are written."""
         return self.digits == _NINE
@@ -97,16 +102,14 @@ class TimeFormat:
             return self.seconds(t - (self.zero or 0), signed=self.signed)
         return self.seconds(t)
 
-    def elapsed(self, times: pa.Array, picked: Array | None = None) -> pa.Array:
+    def elapsed(self, times: pa.Array, order: Array | None = None) -> pa.Array:
         """Return nanoseconds that `seconds` writes of all rows of a batch; of a time of day those of its second.
 
-        `picked` are the rows that are shown, in their order: all if not given.
+        `order` are the rows in the order in which a delta mode goes through them: all as they stand if not given.
         """
         known, ns = valid(times), numbers(times)
-        if self.mode == "d" or (self.mode == "dd" and picked is None):
-            ns = self._since(ns, np.flatnonzero(known))
-        elif self.mode == "dd" and picked is not None:
-            ns = self._since(ns, picked[known[picked]])
+        if self.mode in ("d", "dd"):
+            ns = self._since(ns, np.flatnonzero(known) if order is None else order[known[order]])
         elif self.mode == "r":
             ns = ns - (self.zero or 0)
         elif self.mode in _DAY:

@@ -48,7 +48,7 @@ def troubles(
     transfers = batch.transfers
     status, odd, fd = (numbers(transfers.column(name)) for name in ("status", "anomaly", "fd"))
     words = _Words(len(transfers))
-    found = rows[~np.isin(status[rows], (_OK, _UNCHECKED, _BAD_CRC))]
+    found = rows[status[rows] > _BAD_CRC]
     ends = [_ends(transfers.column(name)) for name in ("frame", "payload")]
     frames, sizes = ((some[found + 1] - some[found]).tolist() for some in ends)
     columns = (column[found].tolist() for column in (status, fd, odd & _TOGGLE != 0, places))

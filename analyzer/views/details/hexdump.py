@@ -10,6 +10,7 @@ import pyarrow as pa
 from analyzer.tables import EXTENDED, FD, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from analyzer.views.members import ALL, NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
+from analyzer.views.pick import Pick
 from analyzer.views.rows import TransferRows
 from analyzer.views.sheets import Sheets
 from analyzer.views.terminal import PLAIN, Palette
@@ -59,8 +60,10 @@ class HexDumps:
 
     def texts(self, batch: Batch, picked: Array) -> Iterator[str]:
         """Yield the lines about the frames of each picked transfer."""
-        if not len(picked):
+        pick = Pick(batch, picked)
+        if not len(pick):
             return iter(())
+        batch = pick.batch
         frames = batch.transfers.column("frame")
         ends = np.asarray(frames.offsets)
         places = numbers(frames.values)[ends[0] : ends[-1]].astype(np.int64)
@@ -75,7 +78,7 @@ class HexDumps:
         made["tail byte"] = pa.array(tail, mask=size == 0)
         rows = pa.StructArray.from_arrays([made[name] for name in _FRAME], _FRAME)
         lists = pa.ListArray.from_arrays(pa.array(ends, pa.int32()), rows)
-        return self._sheets.texts(batch, picked, [], {"frames": lists}, [])
+        return self._sheets.texts(batch, pick.rows, [], {"frames": lists}, [])
 
     def _row(self, columns: SheetColumns) -> Template:
         """Return the template of the lines about the frames of a transfer."""

@@ -13,6 +13,7 @@ from analyzer.views.details.contents import PAYLOAD, part_templates
 from analyzer.views.members import ALL, NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
 from analyzer.views.named import rules_of
+from analyzer.views.pick import Pick
 from analyzer.views.sheets import Sheets, type_column, type_names, types_of
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, TimeFormat
@@ -74,10 +75,10 @@ class Tree:
     def texts(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
         """Give the lines of each picked transfer (all if not given), in order."""
         self._clock.start(batch.frames)
-        transfers = batch.transfers
-        rows = np.arange(len(transfers)) if picked is None else np.asarray(picked, np.int64)
-        if not len(rows):
+        pick = Pick(batch, picked)
+        if not len(pick):
             return iter(())
+        batch, rows, transfers = pick.batch, pick.rows, pick.batch.transfers
         if self._shape != (self._clock.digits, self._clock.signed):
             self._shape = self._clock.digits, self._clock.signed
             self._sheets.compile()

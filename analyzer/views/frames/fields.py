@@ -67,13 +67,12 @@ class FrameFields(FrameWriter):
         self._owners.forget(self._rows)
 
     def _texts(self, table: ListedFrames) -> Iterator[str]:
-        times, since = table.rows.column("t"), table.rows.column("since")
+        times = table.rows.column("t")
         known, t = valid(times), numbers(times)
         if self._zero is None and known.any():
             self._zero = int(t[np.argmax(known)])
         missing = None if known.all() else ~known
-        delta = np.where(valid(since), numbers(since), 0)
-        beside = {"elapsed": pa.array(t - (self._zero or 0), mask=missing), "delta": pa.array(delta, mask=missing)}
+        beside = {"elapsed": pa.array(t - (self._zero or 0), mask=missing), "delta": table.deltas()}
         if "frame.time" in self._names:
             beside["date"] = self._dates.dates(times)
         beside |= self._owners.columns(table.rows)

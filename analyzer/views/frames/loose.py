@@ -76,6 +76,8 @@ class LooseRows:
         late = (numbers(batch.settled.column(name))[picked.settled].tolist() for name in ("frame", "verdict"))
         for place, verdict in zip(*late, strict=True):
             yield from self._settled(place, verdict)
+        if not len(picked.frames):
+            return
         rows, verdicts = np.asarray(picked.frames), numbers(batch.frames.column("verdict"))[picked.frames]
         foreign = verdicts == _FOREIGN
         if foreign.any() and not self._foreign:

@@ -48,6 +48,11 @@ class ListedFrames(NamedTuple):
     buses: tuple[str, ...]
     types: list[str]
 
+    def deltas(self) -> pa.Array:
+        """Return the nanoseconds since the row before, shown or not: 0 for the first, null for a row without a time."""
+        since, known = self.rows.column("since"), valid(self.rows.column("t"))
+        return pa.array(np.where(valid(since), numbers(since), 0), mask=None if known.all() else ~known)
+
 
 class FrameMatcher(Protocol):
     """Chooses frames of a list."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors.kit import Array
 
+_COLUMNS = ("id", "flags", "data")  # of frames, as they are asked for by number
 _LENGTH_CODE = 8  # lowest bit of it in the flags
 
 
@@ -76,19 +77,18 @@ class FrameWindow:
 
     def rows(self, places: Array) -> dict[str, pa.Array]:
         """Return the columns `id`, `flags` and `data` of frames, null for those that are gone."""
-        at, end, kept = np.full(len(places), -1), 0, list[pa.RecordBatch]()
+        at, end = np.full(len(places), -1), 0
+        found: list[list[pa.Array]] = [[empty(FRAMES).column(name)] for name in _COLUMNS]
         for first, frames in self._batches.items():
-            inside = (places >= first) & (places < first + len(frames))
-            if inside.any():
-                at[inside] = places[inside] - first + end
-                end += len(frames)
-                kept.append(frames)
-        rows = pa.array(at, mask=at < 0)
-        kept = kept or [empty(FRAMES)]
-        return {
-            name: pa.concat_arrays([frames.column(name) for frames in kept]).take(rows)
-            for name in ("id", "flags", "data")
-        }
+            inside = np.flatnonzero((places >= first) & (places < first + len(frames)))
+            if len(inside):
+                at[inside] = np.arange(end, end + len(inside))
+                end += len(inside)
+                rows = pa.array(places[inside] - first)
+                for part, name in zip(found, _COLUMNS, strict=True):
+                    part.append(frames.column(name).take(rows))
+        order = pa.array(at, mask=at < 0)
+        return {name: pa.concat_arrays(parts).take(order) for name, parts in zip(_COLUMNS, found, strict=True)}
 
     def __call__(self, number: int) -> RawFrame | None:
         """Return the frame with this number."""

@@ -64,7 +64,7 @@ class FrameLines(FrameWriter):
 
     def _texts(self, table: ListedFrames) -> Iterator[str]:
         rows, clock = table.rows, self._clock
-        elapsed = clock.elapsed(rows.column("t"))
+        elapsed = table.deltas() if clock.follows_all else clock.elapsed(rows.column("t"))
         days, seconds = clock.days(rows.column("t"))
         buses = [fit(escape(name), _MOST_BUS) for name in table.buses]
         head = ""
