@@ -147,3 +147,15 @@ _WORDS = {
     "label node.name": ("node.label",),
 }
 MEANT = {word: names for words, names in _WORDS.items() for word in words.split()}
+
+# What Wireshark filters by and nothing here has, by the beginning of the name, and what helps instead.
+_COMMENTS = "comments are shown, by both lists of `decode` and by `view`: no filter asks for them"
+ELSEWHERE = {
+    "_ws.col.": "what a column says is made of fields: ask for one, such as ESCStatus.rpm, or search with / in `view`",
+    "_ws.": "it is Wireshark's own; findings are finding.rule and finding.severity, broken transfers dronecan.status",
+    "frame.comment": _COMMENTS,
+    "pkt_comment": _COMMENTS,
+    "frame.mark": "marks are of `view`: ( and ) go to the one before and behind",
+    "frame.ignore": "no frame is ever left out here",
+    "frame.color": "colours are given by filters, they are none: tailbyte help colours",
+}

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
-from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
+from analyzer.filter.fields import BYTES, ELSEWHERE, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
 from analyzer.filter.language.errors import FilterError, listed, near
 from analyzer.filter.language.literals import factor
 from analyzer.filter.together import carried, same
@@ -131,6 +131,9 @@ class FilterNames:
     def _unknown(self, name: str, text: str, start: int) -> FilterError:
         """Return the error for a name that nothing has."""
         known = [*FIXED, *self.registry.names()]
+        instead = next((said for begin, said in ELSEWHERE.items() if name.lower().startswith(begin)), None)
+        if instead is not None and name.lower() not in MEANT:
+            return FilterError(f"no field is called {name!r}: {instead}", text, start, start + len(name))
         last = name.rpartition(".")[2]
         ends = list(self.with_ending(last))
         meant = list(MEANT.get(name.lower(), ()))
