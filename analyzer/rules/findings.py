@@ -69,6 +69,7 @@ class Findings:
         self._severities = severities
         self._runs: dict[FindingKey, list[OccurrenceRun]] = {}
         self._keys: dict[tuple[str, int, int], list[FindingKey]] = {}  # those of a rule, bus and node
+        self._spots: dict[str, set[tuple[int, int, str]]] = {}  # of rules: bus, node and type of keys
         self._total = 0
         self.changes = 0  # how often something was added
 
@@ -180,23 +181,26 @@ class Findings:
         self._put(key, run)
 
     def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
-        page = self._pages[found.rule]
-        further: dict[FindingKey, list[Any]] = {}
-        for rows, noted in _groups(found, near_drops):
-            first = rows.item(0)
-            turned = TURNED if found.doubtful is not None and found.doubtful[first] else {}
-            key = FindingKey(
-                found.rule, self._severity(found.rule, found.severity, noted), found.bus.item(first),
-                found.node.item(first), view.type_name(found.type.item(first)),
-                page.key_of(found.values(first)) if page.key else "", (*found.dialects.items(), *turned.items()),
-            )  # fmt: skip
-            kept = self._kept(key)
-            if kept.key == FURTHER:
-                further.setdefault(kept, []).append(rows)
-            else:
-                self._put_all(found, rows, kept, view)
-        for key, parts in further.items():
-            self._put_all(found, _by_place(found, parts), key, view)
+        page, spots = self._pages[found.rule], self._spots.setdefault(found.rule, set())
+        further: dict[tuple[bool, bool], list[Any]] = {}
+        full = len(self._runs) >= MOST_GROUPS
+        for rows, noted, doubtful, bus, node, number in _groups(found, near_drops):
+            type_ = view.type_name(number)
+            if not full or (bus, node, type_) in spots:
+                named = page.key_of(found.values(rows.item(0))) if page.key else ""
+                kept = self._kept(self._key(found, noted, doubtful)._replace(bus=bus, node=node, type=type_, key=named))
+                if kept.key != FURTHER:
+                    self._put_all(found, rows, kept, view)
+                    continue
+            further.setdefault((noted, doubtful), []).append(rows)
+        for of, parts in further.items():
+            self._put_all(found, _by_place(found, parts), self._key(found, *of), view)
+
+    def _key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
+        """Return the key that what comes later shares; `doubtful`: its values may be those of another reading."""
+        severity = self._severity(found.rule, found.severity, noted)
+        dialects = (*found.dialects.items(), *(TURNED.items() if doubtful else ()))
+        return FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects)
 
     def _put_all(self, found: Occurrences, rows: Any, key: FindingKey, view: View) -> None:
         for piece in _pieces(found.t, rows, explained=bool(self._pages[key.rule].explained)):
@@ -271,6 +275,7 @@ class Findings:
         if key not in self._runs:
             self._runs[key] = []
             self._keys.setdefault((key.rule, key.bus, key.node), []).append(key)
+            self._spots.setdefault(key.rule, set()).add((key.bus, key.node, key.type))
         runs = self._runs[key]
         self._total -= len(runs)
         merge(runs, run, self._close(key))
@@ -286,14 +291,18 @@ def _of(found: Mapping[FindingKey, Sequence[OccurrenceRun]], rule: str, key: Fin
     return [run for other, runs in found.items() if (other.rule, *other[2:4]) == (rule, *key[2:4]) for run in runs]
 
 
-def _groups(found: Occurrences, near_drops: Sequence[bool] | None) -> Iterator[tuple[Any, bool]]:
-    """Yield rows that belong to one key each, in order of place, and whether lost frames may explain them."""
+def _groups(
+    found: Occurrences, near_drops: Sequence[bool] | None
+) -> Iterator[tuple[Any, bool, bool, int, int, int]]:  # fmt: skip
+    """Yield rows that belong to one key each, in order of place; what is true of all of them stands behind.
+
+    Whether lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
+    """
+    none = np.zeros(len(found.t), bool)
+    noted = none if near_drops is None else np.asarray(near_drops, bool)
+    doubtful = none if found.doubtful is None else np.asarray(found.doubtful, bool)
     code = found.bus.astype(np.int64) << 9 | (found.node.astype(np.int64) + 1)
-    code = code * (1 << 34) + found.type.astype(np.int64)
-    if near_drops is not None:
-        code = code * 2 + np.asarray(near_drops, np.int64)
-    if found.doubtful is not None:
-        code = code * 2 + found.doubtful
+    code = (code * (1 << 34) + found.type.astype(np.int64)) * 4 + noted * 2 + doubtful
     parts = [found.frame, found.t, code]
     if found.key is not None:
         parts.insert(2, np.unique(found.key, return_inverse=True)[1])
@@ -301,8 +310,9 @@ def _groups(found: Occurrences, near_drops: Sequence[bool] | None) -> Iterator[t
     changed = np.zeros(len(order) - 1, bool)
     for part in parts[2:]:
         changed |= np.diff(part[order]) != 0
-    for rows in _split(order, changed):
-        yield rows, bool(near_drops is not None and near_drops[rows.item(0)])
+    first = order[np.concatenate(([True], changed))]
+    same = (column[first].tolist() for column in (noted, doubtful, found.bus, found.node, found.type))
+    yield from zip(_split(order, changed), *same, strict=True)
 
 
 def _by_place(found: Occurrences, parts: Sequence[Any]) -> Any:

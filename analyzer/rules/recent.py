@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -128,10 +129,17 @@ class Recent:
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
+        numbers = list(wanted)
+        places = [bisect_right(self._firsts, number) - 1 for number in numbers]
+        if places and places.count(places[0]) == len(places):  # as nearly always
+            return self._lines(places[0], numbers, buses)
         found: list[str] = []
-        for at, numbers in groupby(wanted, lambda number: bisect_right(self._firsts, number) - 1):
-            if at >= 0:
-                found += self._native(self._batches[at]).lines([*numbers], buses)
-                if len(found) >= MOST_LINES:
-                    break
+        for at, some in groupby(zip(places, numbers, strict=True), itemgetter(0)):
+            found += self._lines(at, [number for _, number in some], buses)
+            if len(found) >= MOST_LINES:
+                break
         return tuple(found[:MOST_LINES])
+
+    def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
+        """Return frames of one batch."""
+        return () if at < 0 else tuple(self._native(self._batches[at]).lines(numbers[:MOST_LINES], buses))
