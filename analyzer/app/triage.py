@@ -7,7 +7,6 @@ from contextlib import suppress
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from analyzer.app.capture import Capture
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
 from analyzer.flight.inquest import inquest
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
+    from analyzer.app.capture import Capture
     from analyzer.decode.engine import Batch
     from analyzer.flight.flights import Flight
     from analyzer.flight.verdict.model import Triage, Verdict
@@ -57,6 +57,8 @@ def triage(
     A capture that is damaged is read as far as that goes. Raises `CaptureError` for one, or a log, that cannot be
     opened, and `ValueError` for arguments that make no sense (`ProfileError` is such).
     """
+    from analyzer.app.capture import Capture  # noqa: PLC0415 - commands look at a run of their own
+
     if isinstance(captures, Capture):
         if dialects or same_bus or dissectors_ or trust_dissectors:
             raise ValueError("an opened capture has been told how to read it: give that to open_capture")

@@ -50,10 +50,9 @@ shown) or output not writable, 4 check had nothing to judge, 130 interrupted. Re
 everything else to standard error. `tailbyte help` lists the pages of the manual."""
 
 
-def _layout(prog: str) -> argparse.HelpFormatter:
-    from analyzer.cli.usage.layout import Layout  # noqa: PLC0415 - only those who ask for help wait for it
-
-    return Layout(prog)
+def _unasked(prog: str) -> argparse.HelpFormatter:
+    """Return what argparse tries each option on: nobody reads it, so that it asks for no terminal."""
+    return argparse.HelpFormatter(prog, width=80)
 
 
 class Parser(argparse.ArgumentParser):
@@ -65,7 +64,7 @@ class Parser(argparse.ArgumentParser):
     _mixed = False
 
     def __init__(self, **more: Any) -> None:
-        super().__init__(**more, formatter_class=_layout)
+        super().__init__(**more, formatter_class=_unasked)
 
     def fill(self) -> None:
         """Add what the module of the command says, once."""
@@ -75,8 +74,9 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help, with examples at its end."""
-        from analyzer.cli.usage.layout import examples  # noqa: PLC0415 - only those who ask for help wait for it
+        from analyzer.cli.usage.layout import Layout, examples  # noqa: PLC0415 - only those who ask wait for it
 
+        self.formatter_class = Layout
         shown = examples("" if self._subparsers is not None else self.prog.rpartition(" ")[2])
         return f"{super().format_help()}\n{shown}\n" if shown else super().format_help()
 
@@ -164,7 +164,7 @@ class Version(argparse.Action):
 
 
 def parser(words: Sequence[str] = ()) -> Parser:
-    """Return every command with its options; `words` are what will be parsed, for hints."""
+    """Return every command, or the one that `words` begin with, which will be parsed and are for hints, too."""
     main_parser = Parser(
         prog="tailbyte",
         description="Bus analyzer and log decoder for TM-UAVCAN V2.2 (T-Motor's DroneCAN profile).",
@@ -172,8 +172,10 @@ def parser(words: Sequence[str] = ()) -> Parser:
     )
     main_parser.words = words
     main_parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
-    commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for name, about in COMMANDS.items():
-        commands.add_parser(name, help=about).command = name
+    commands = main_parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=Parser, prog=main_parser.prog
+    )  # fmt: skip
+    for name in words[:1] if COMMANDS.keys() & {*words[:1]} else COMMANDS:
+        commands.add_parser(name, help=COMMANDS[name]).command = name
     main_parser.commands = commands.choices
     return main_parser

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from statistics import median
 from typing import TYPE_CHECKING
 
 from dissectors.records import replace
@@ -39,6 +38,8 @@ def compared(senders: Iterable[SenderFacts]) -> tuple[SenderFacts, ...]:
 
 
 def _differences(one: SenderFacts, group: Sequence[SenderFacts]) -> Iterator[str]:
+    from statistics import median  # noqa: PLC0415 - few buses have three of a role
+
     versions = Counter(member.software for member in group if member.software)
     usual = versions.most_common(1)[0][0] if versions else ""
     alike = sum(count for version, count in versions.items() if _same(version, usual))

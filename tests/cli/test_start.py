@@ -46,8 +46,16 @@ def imported(*args: str) -> set[str]:
         (("decode", "-c", "x"), 2, LIBRARIES | CORE | {"dissectors"}),
         (("help", "captures"), 0, LIBRARIES | CORE | {"dissectors"}),
         (("explain", "TRF-003"), 0, LIBRARIES | CORE | PARSERS),
-        (("decode", "-q", str(HOVER)), 0, LIBRARIES | UNUSED | PARSERS | {"analyzer.report", "analyzer.plot"}),
-        (("check", str(HOVER)), 0, LIBRARIES | UNUSED | PARSERS | {"analyzer.plot"}),
+        (
+            ("decode", "-q", str(HOVER)),
+            0,
+            LIBRARIES | UNUSED | PARSERS | {"analyzer.report", "analyzer.plot"},
+        ),
+        (
+            ("check", str(HOVER)),
+            0,
+            LIBRARIES | UNUSED | PARSERS | {"analyzer.plot", "analyzer.app.capture", "tempfile"},
+        ),
         (
             ("live", "virtual:start", "-q", "-a", "duration:0.2"),
             4,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, TypeVar
@@ -31,6 +30,8 @@ def beside(items: Iterable[_Item], take: Callable[[_Item], object]) -> Iterator[
 
     What `take` raises is raised here.
     """
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 - it brings logging, and commands judge in theirs
+
     waiting: deque[Future[object]] = deque()
     with ThreadPoolExecutor(1, "beside") as thread:
         for item in items:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -256,6 +255,8 @@ def _last_half(slots: Array, slot: int) -> int:
 
 def _limit(comparisons: int) -> float:
     """Return how many standard deviations chance reaches seldom enough in so many comparisons."""
+    from statistics import NormalDist  # noqa: PLC0415 - asked at the end, of few captures
+
     share = threshold("odd_chance") / (2 * max(comparisons, 1))
     return max(threshold("odd_least_z"), NormalDist().inv_cdf(1 - share))
 
