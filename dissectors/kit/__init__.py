@@ -20,6 +20,7 @@ from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values,
 from dissectors.kit.order import by_key, changes, count_below, groups, last_set
 from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
+from dissectors.kit.resumed import all_resumed, resumptions
 from dissectors.kit.rows import NODES, breach, doubtful, frames_of, rows_by_bus, sender, sound, usable
 from dissectors.kit.rule import Feed, PageKeys, Rule, rule
 from dissectors.kit.running import RunningTime
@@ -33,7 +34,7 @@ __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "BusTimes", "Conformance",
     "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "JointLosses", "Kept", "Latest",
     "Measures", "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime",
-    "Second", "Seconds", "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key",
-    "changes", "count_below", "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of",
-    "sender", "set_back", "sound", "times_by_bus", "usable",
+    "Second", "Seconds", "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "all_resumed",
+    "breach", "by_key", "changes", "count_below", "doubtful", "frames_of", "groups", "last_set", "resumptions",
+    "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound", "times_by_bus", "usable",
 ]  # fmt: skip

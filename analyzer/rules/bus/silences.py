@@ -9,7 +9,7 @@ import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups, resumptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -89,12 +89,7 @@ class StatusSilences(Rule):
         known = np.flatnonzero(t != NO_TIME)
         if not len(known):
             return
-        begins = [view.resumed(int(t[known].min()))]
-        end = view.resumed(int(t[known].max()))
-        while end > begins[0]:
-            begins.insert(1, end)
-            end = view.resumed(end - 1)
-        for begin in begins:
+        for begin in resumptions(view, int(t[known].min()), int(t[known].max())).tolist():
             rows = known[t[known] >= begin]
             rows = rows[self._woke[code[rows]] < begin][::-1]
             self._woke[code[rows]] = t[rows]

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analyzer.rules.counters.misnumbered import meant
-from analyzer.rules.resumed import all_resumed
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, all_resumed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,9 +12,8 @@ from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, s
 from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
-from analyzer.rules.resumed import all_resumed
 from analyzer.tables import FD, TAIL_END, TAIL_ID
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:

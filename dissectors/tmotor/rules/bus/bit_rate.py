@@ -7,14 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach, rows_by_bus, usable
+from dissectors.kit import (
+    MILLISECOND,
+    NO_TIME,
+    SECOND,
+    Occurrence,
+    Rule,
+    breach,
+    by_key,
+    rows_by_bus,
+    sender,
+    usable,
+)
 from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import DecodedTable, Occurrences, View
+    from dissectors.kit import Array, DecodedTable, Occurrences, View
 
 _KBPS = (1000, 500, 250, 125, 100, 50)  # by code, 4.4.2 no 24
 _BITS = 131  # of a frame with 29-bit identifier and 8 bytes, without stuff bits, with the pause behind it
@@ -46,8 +57,11 @@ class StoredRate(Rule):
         if view.bit_rate is None and view.start != NO_TIME:
             self._measure(view)
         if table is not None:
-            for row in np.flatnonzero(usable(table) & (table["esc_can_rate"] < len(_KBPS))).tolist():
-                yield from self._judge(view, table, row)
+            rows = _reports(table)
+            if view.bit_rate is None:
+                self._wait(view, table, rows)
+            else:
+                yield from self._judged(view, table, rows, view.bit_rate)
 
     def finish(self, _view: View) -> Iterable[Occurrences | Occurrence]:
         """Compare with the spacing of the whole capture's beginning."""
@@ -58,15 +72,24 @@ class StoredRate(Rule):
                 evidence = f"8-byte frames follow every {least / 1000:.0f} us, {needed / 1000:.0f} us are needed"
                 yield replace(one, values={**one.values, "evidence": evidence})
 
-    def _judge(self, view: View, table: DecodedTable, row: int) -> Iterator[Occurrence]:
-        bus, node, code = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
-        values = {"code": code, "kbps": _KBPS[code]}
-        if view.bit_rate is not None:
-            if view.bit_rate != _KBPS[code] * 1000:
-                known = {**values, "evidence": f"the bus runs at {view.bit_rate / 1000:g} kbps"}
-                yield breach(view, table, row, "BUS-019", known)
-        elif code and len(self._waiting) < MOST_UNITS and (bus, node, code) not in self._waiting:
-            self._waiting[bus, node, code] = breach(view, table, row, "BUS-019", values, held=True)
+    def _judged(self, view: View, table: DecodedTable, rows: Array, bit_rate: int) -> Iterator[Occurrences]:
+        codes = table["esc_can_rate"]
+        wrong = rows[np.array(_KBPS)[codes[rows]] * 1000 != bit_rate]
+        evidence = f"the bus runs at {bit_rate / 1000:g} kbps"
+        if len(wrong):
+            yield view.among_rows(
+                "BUS-019", table, wrong, lambda row: {**_stored(int(codes[row])), "evidence": evidence},
+                key=codes[wrong].astype(np.int64), each_named=True,
+            )  # fmt: skip
+
+    def _wait(self, view: View, table: DecodedTable, rows: Array) -> None:
+        """Keep the first report of each node and code that is not that of the highest rate."""
+        slower = rows[table["esc_can_rate"][rows] > 0]
+        order, begins = by_key(sender(table, slower).astype(np.int64) << 8 | table["esc_can_rate"][slower])
+        for row in np.sort(slower[order[begins]]).tolist():
+            key = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
+            if key not in self._waiting and len(self._waiting) < MOST_UNITS:
+                self._waiting[key] = breach(view, table, row, "BUS-019", _stored(key[2]), held=True)
 
     def _measure(self, view: View) -> None:
         """Measure the first pairs of 8-byte frames of each bus."""
@@ -101,7 +124,7 @@ class DifferentRates(Rule):
         table = view.table("ParamGet")
         if table is None:
             return
-        for row in np.flatnonzero(usable(table) & (table["esc_can_rate"] < len(_KBPS))).tolist():
+        for row in _changed(table, _reports(table)).tolist():
             bus, node, code = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
             codes = self._codes.setdefault(bus, {})
             if codes.get(node) == code:
@@ -129,3 +152,22 @@ class SamplePoint(Rule):
         if view.bit_rate in _LATE_SAMPLING and view.buses:
             values = {"kbps": round(view.bit_rate / 1000)}
             yield Occurrence("BUS-033", view.start, 0, None, "", (), values)
+
+
+def _reports(table: DecodedTable) -> Array:
+    """Return the rows with a code that stands for a bit rate."""
+    return np.flatnonzero(usable(table) & (table["esc_can_rate"] < len(_KBPS)))
+
+
+def _stored(code: int) -> dict[str, object]:
+    return {"code": code, "kbps": _KBPS[code]}
+
+
+def _changed(table: DecodedTable, rows: Array) -> Array:
+    """Return those that do not say what the one before of the same node has said."""
+    order, begins = by_key(sender(table, rows))
+    codes = table["esc_can_rate"][rows[order]]
+    new = np.append(True, codes[1:] != codes[:-1])[: len(rows)]
+    new[begins] = True
+    found: Array = np.sort(rows[order[new]])
+    return found

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Rule, breach, usable
+from dissectors.kit import NO_TIME, SECOND, Rule, breach, by_key, usable
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, end, units
 
@@ -92,7 +92,7 @@ class _Asked:
 class Dialogue(Rule):
     """Follows every ParamCfg until its time is over; at most 256 at a time."""
 
-    rules = ("BUS-011", "BUS-012", "BUS-013", "BUS-014", "BUS-015")
+    rules = ("BUS-011", "BUS-012", "BUS-013", "BUS-015")
 
     def __init__(self) -> None:
         self._pending: deque[_Asked] = deque()
@@ -102,7 +102,6 @@ class Dialogue(Rule):
         self._holders: dict[int, set[tuple[int, int]]] = {}  # bus and node of each UUID
         self._answered_at: dict[tuple[int, int], int] = {}  # of the first ParamGet
         self._uuids: dict[int, set[int]] = {}  # the indexes that each UUID was seen with
-        self._asked: dict[int, int] = {}  # time of the last ParamCfg, damaged ones too
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Follow the messages of both kinds in order; deadlines stand in between and behind."""
@@ -110,8 +109,24 @@ class Dialogue(Rule):
             return
         settings, parameters = view.table("ParamCfg"), view.table("ParamGet")
         self._note_first(view)
+        if settings is not None or self._pending:
+            yield from self._follow(view, settings, parameters)
+        elif parameters is not None:
+            self._note_all(view, parameters)
+        for unit, rows in units(view).items():
+            reports = view.table("ESCStatus")
+            if reports is not None and (unit.bus, unit.node) in self._since:
+                last = int(reports.t[rows[-1]]), not reports["rpm"][rows[-1]]
+                self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
+        for asked in self._pending:
+            self._look_behind(view, asked)
+        yield from self._due(view, view.end)
+
+    def _follow(
+        self, view: View, settings: DecodedTable | None, parameters: DecodedTable | None
+    ) -> Iterator[Occurrence]:  # fmt: skip
+        """Follow questions and answers in their order."""
         tables = [table for table in (settings, parameters) if table is not None]
-        window = view.number("BUS-014", "window_s")
         heard = [] if parameters is None else _heads(parameters)
         for number, k, row, t, good in _in_order(view, tables):
             if self._pending:
@@ -121,15 +136,7 @@ class Dialogue(Rule):
             elif tables[k] is settings:
                 self._ask(view, tables[k], (row, number, t), good=good)
             elif good:
-                yield from self._hear(view, tables[k], (row, t, *heard[row]), window)
-        for unit, rows in units(view).items():
-            reports = view.table("ESCStatus")
-            if reports is not None and (unit.bus, unit.node) in self._since:
-                last = int(reports.t[rows[-1]]), not reports["rpm"][rows[-1]]
-                self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
-        for asked in self._pending:
-            self._look_behind(view, asked)
-        yield from self._due(view, view.end)
+                yield from self._hear(view, tables[k], (row, t, *heard[row]))
 
     def _note_first(self, view: View) -> None:
         """Note when each node first sent ESCStatus."""
@@ -149,7 +156,6 @@ class Dialogue(Rule):
     def _ask(self, view: View, table: DecodedTable, what: tuple[int, int, int], *, good: bool) -> None:
         row, number, t = what
         bus = int(table.bus[row])
-        self._asked[bus] = t
         if not good or len(self._pending) >= MOST_PENDING:
             return
         sets = {name: int(table[name][row]) for name, skip in _FIELDS.items() if int(table[name][row]) not in skip}
@@ -210,18 +216,26 @@ class Dialogue(Rule):
             if one.may_come_from(own, uuids):
                 one.answered.add(node)
 
-    def _hear(self, view: View, table: DecodedTable, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
-        row, t, bus, node, start, uuid, index = what
-        asked = self._asked.get(bus)
-        settled = start - max(view.starts.get(bus, start), view.resumed(start)) >= window * SECOND
-        if settled and (asked is None or start - asked > window * SECOND):
-            since = start - round(window * SECOND)
-            yield breach(view, table, row, "BUS-014", {"window_s": window}, drops=True, since=since)
+    def _note_all(self, view: View, table: DecodedTable) -> None:
+        """Note who sends what, of each the first one: nothing waits for an answer."""
+        rows = np.flatnonzero(usable(table))
+        who = table.bus[rows].astype(np.int64) << 48 | table.src[rows].astype(np.int64) << 40
+        order, begins = by_key(who | table["esc_uuid"][rows].astype(np.int64) << 8 | table["esc_index"][rows])
+        first = np.sort(rows[order[begins]])
+        cells = (column[first].tolist() for column in (table.bus, table.src, table["esc_uuid"], table["esc_index"]))
+        for t, bus, node, uuid, index in zip(end(view, table, first).tolist(), *cells, strict=True):
+            self._note((bus, node), t, uuid, index)
+
+    def _note(self, who: tuple[int, int], t: int, uuid: int, index: int) -> None:
         if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
             self._uuids.setdefault(uuid, set()).add(index)
             if len(self._holders.setdefault(uuid, set())) < _MOST_HOLDERS:
-                self._holders[uuid].add((bus, node))
-        self._answered_at.setdefault((bus, node), t)
+                self._holders[uuid].add(who)
+        self._answered_at.setdefault(who, t)
+
+    def _hear(self, view: View, table: DecodedTable, what: tuple[int, ...]) -> Iterator[Occurrence]:
+        row, t, bus, node, start, uuid, index = what
+        self._note((bus, node), t, uuid, index)
         if not self._pending:
             return
         got = {name: int(table[name][row]) for name in ("esc_index", "esc_uuid", "esc_id_req", *_FIELDS)}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Rule, count_below, usable
+from dissectors.kit import NO_TIME, SECOND, Rule, all_resumed, count_below, usable
 from dissectors.records import replace
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class ChannelCount(Rule):
             heard = reported if reports is None else reported[reports.bus[reported] == bus]
             wrong, highest = self._judge(bus, commands, mine, reports, heard, window)
             if commands is not None and wrong.size:
-                known = commands.t[wrong] - _resumed(view, commands.t[wrong]) >= window
+                known = commands.t[wrong] - all_resumed(view, commands.t[wrong]) >= window
                 wrong, highest = wrong[known], highest[known]
             if commands is not None and wrong.size:
                 yield _miscount(view, commands, wrong, highest)
@@ -93,18 +93,6 @@ class ChannelCount(Rule):
 def _has_time(table: DecodedTable) -> Array:
     timed: Array = table.t != NO_TIME
     return timed
-
-
-def _resumed(view: View, t: Array) -> Array:
-    """Return since when frames have come without a gap at each of some times."""
-    first, ends = view.resumed(int(t.min())), []
-    end = view.resumed(int(t.max()))
-    while end > first:
-        ends.append(end)
-        end = view.resumed(end - 1)
-    begins = np.array([first, *reversed(ends)], np.int64)
-    resumed: Array = begins[np.searchsorted(begins, t, "right") - 1]
-    return resumed
 
 
 def _miscount(view: View, commands: DecodedTable, rows: Array, highest: Array) -> Occurrences:
