@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.decode.columns import linear, senders
-from dissectors.kit.cells import numbers, valid
+from dissectors.kit.cells import numbers, same_text, valid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,6 +64,8 @@ class Told:
 
     def named(self, code: Array) -> pa.Array:
         """Return choices by their numbers, null for none."""
+        if len(code) and code[0] and (code == code[0]).all():  # mostly all are read alike
+            return same_text(self.reading.choices[code[0] - 1], len(code))
         names = pa.array([None, *self.reading.choices], pa.string())
         return names.take(pa.array(code))
 

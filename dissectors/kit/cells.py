@@ -46,6 +46,13 @@ def text_of(raw: bytes) -> str:
     return raw.partition(b"\0")[0].rstrip().decode("utf-8", "backslashreplace")
 
 
+def same_text(text: str, count: int) -> pa.Array:
+    """Return a column of texts that says the same in each of so many cells."""
+    letters = text.encode()
+    ends = np.arange(count + 1, dtype=np.int32) * len(letters)
+    return pa.Array.from_buffers(pa.string(), count, [None, pa.py_buffer(ends), pa.py_buffer(letters * count)])
+
+
 def holds_text(array: pa.Array, text: str) -> Array:
     """Return a mask of the cells of a column of texts that hold this one."""
     if not len(array):
