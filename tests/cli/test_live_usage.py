@@ -123,3 +123,15 @@ def test_without_socketcan_or_the_interface(command: Command) -> None:
     status, out, err = command("live", "nosuchcan0", "-q", "-a", "duration:10ms")
     assert (status, out, err.count("\n")) == (3, "", 1)
     assert err.startswith("tailbyte: nosuchcan0: ")
+
+
+@pytest.mark.parametrize("words", [("live",), ("live", "-w", "more.log"), ("live", "--view")], ids=" ".join)
+def test_a_capture_is_no_bus(
+    words: tuple[str, ...], command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flight.log").write_text("(1.0) can0 123#01\n")
+    status, out, err = command(*words, "flight.log")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "flight.log is a file, no bus: decode, view and check read it, replay sends it" in err
+    assert [one.name for one in tmp_path.iterdir()] == ["flight.log"]

@@ -8,6 +8,7 @@ import json
 import logging
 import re
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -111,12 +112,18 @@ def resolve(text: str | None, options: Mapping[str, Any]) -> Interface:
         raise ValueError(f"python-can's configuration: {reason}") from None
     kind, channel = loaded.pop("interface"), loaded.pop("channel")
     if kind == "socketcan":
-        if not channel:
-            raise ValueError("which SocketCAN interface? (can0, vcan0; tailbyte live -D lists them)")
+        _require_interface(channel)
         loaded.setdefault("fd", True)  # opens classic interfaces as well
     if kind == "udp_multicast":
         loaded.setdefault("hop_limit", 0)  # frames stay in this machine unless somebody asks for more
     return Interface(kind, channel, loaded)
+
+
+def _require_interface(channel: str | None) -> None:
+    if not channel:
+        raise ValueError("which SocketCAN interface? (can0, vcan0; tailbyte live -D lists them)")
+    if Path(channel).is_file():
+        raise ValueError(f"{channel} is a file, no bus: decode, view and check read it, replay sends it")
 
 
 def open_bus(interface: Interface) -> can.BusABC:
