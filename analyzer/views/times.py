@@ -61,7 +61,7 @@ class TimeFormat:
 
     @property
     def follows_all(self) -> bool:
-        """What is written of a row depends on the one before, whether that is shown or not."""
+        """True if what is written of a row depends on the one before, whether that is shown or not."""
         return self.mode == "d"
 
     @property
