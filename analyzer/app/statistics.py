@@ -56,7 +56,7 @@ class RunStatistics:
                 from analyzer.app.naming import named_frames  # noqa: PLC0415 - few filters ask for findings
 
                 self._where.know(named_frames(run))
-            self._chooser = Chooser(self._where.matcher(), self._where.note)
+            self._chooser = Chooser(self._where.matcher(frame_list=True), self._where.note)
         self.start: int | None = None
         self.end: int | None = None
         self.transfers = self.frames = self.chosen_transfers = self.chosen_frames = 0
@@ -149,7 +149,7 @@ class RunStatistics:
 
         where, labels = self._run.request.filter, self._where.labels if self._where is not None else {}
         both = text if where is None else f"({where}) && ({text})"
-        return compile_filter(both, self._run.registry).matcher(labels=labels)
+        return compile_filter(both, self._run.registry).matcher(labels=labels, frame_list=True)
 
 
 def _as_shown(found: Sequence[Finding]) -> Iterator[Finding]:

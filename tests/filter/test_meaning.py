@@ -101,7 +101,7 @@ def test_broken_reports_are_of_the_channel_of_their_node(name: str, ch: int, nod
 
 @pytest.mark.parametrize("text", ["RawCommand.cmd > RawCommand.percent", "can.len > RawCommand.cmd", "unit", "ch == 1"])
 def test_a_frame_of_a_list_has_what_its_transfer_has(failure: list[Batch], text: str) -> None:
-    matcher = compile_filter(text.replace("can.len", "5"), REGISTRY, frame_list=True).matcher()
+    matcher = compile_filter(text.replace("can.len", "5"), REGISTRY).matcher(frame_list=True)
     for batch in failure:
         matches = matcher.feed(batch)
         places, members = matches.members
@@ -270,7 +270,7 @@ def test_what_means_the_same(text: str, same: str, command: Callable[..., tuple[
     ],
 )
 def test_a_byte_is_a_number(faults: list[Batch], text: str, holds: Callable[[bytes], Any]) -> None:
-    matcher = compile_filter(text, REGISTRY, frame_list=True).matcher()
+    matcher = compile_filter(text, REGISTRY).matcher(frame_list=True)
     for batch in faults:
         expected = [bool(holds(data)) for data in batch.frames.column("data").to_pylist()]
         remote = np.asarray(batch.frames.column("flags")) & 2 != 0
