@@ -79,7 +79,7 @@ class Filter:
         found: dict[str, tuple[str, ...]] = {}
         for ref in self._fields:
             if ref.origin in ("table", "type"):
-                found.setdefault(ref.tables[0], ref.tables)
+                found.setdefault(_called(ref.tables), ref.tables)
         return found
 
     @property
@@ -134,6 +134,12 @@ class Filter:
         if numbering is None:
             memory.numbering = Numbering(wireshark=self._wireshark)
         return memory
+
+
+def _called(tables: tuple[str, ...]) -> str:
+    """Return what to call tables that one name stands for: a packet wherever it is, both halves of a service."""
+    outer, last = ({table.rpartition(".")[end] for table in tables} for end in (0, 2))
+    return tables[0] if len(tables) == 1 else (last if len(last) == 1 else outer).pop()
 
 
 class Expression:
