@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.filter.fields import Kind
 from analyzer.filter.language.errors import FilterError, listed, near
-from analyzer.filter.language.literals import factor, moment, text_bytes, text_value
+from analyzer.filter.language.literals import factor, folded, moment, text_bytes, text_value
 from analyzer.filter.language.syntax import Arithmetic, BareWord, Number, Octets, QuotedText
 from analyzer.window.limits import Moment
 from dissectors.times import SECOND
@@ -180,7 +180,7 @@ class Constants:
             hint = ", such as 1.5 s" if bare and kind.sort == "duration" else hint
             raise self.fail(f"the field is {said(kind)}, not text{hint}", node)
         for value, words in kind.texts.items():
-            if _folded(word) in map(_folded, words):
+            if folded(word) in map(folded, words):
                 return value
         names = [words[0] for words in kind.texts.values()]
         raise self.fail(f"{word!r} is none of its values: {listed(_codes(kind))}", node, near(word, names) or names)
@@ -215,7 +215,7 @@ class Constants:
             return word
         names = [words[0] for words in kind.texts.values()]
         for name in names:
-            if _folded(name) == _folded(word):
+            if folded(name) == folded(word):
                 return name
         raise self.fail(f"{word!r} is none of its values: {listed(names)}", node, near(word, names) or names)
 
@@ -236,10 +236,6 @@ def said(kind: Kind) -> str:
     return {"flag": "a flag", "text": "text", "bytes": "bytes", "moment": "a time", "duration": "a time in s"}[
         kind.sort
     ]
-
-
-def _folded(word: str) -> str:
-    return " ".join(word.lower().replace("_", " ").replace("-", " ").split())
 
 
 def _codes(kind: Kind) -> list[str]:

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.filter.comparing import words_of
 from analyzer.filter.constants import ARITHMETIC, LITERALS, Constants, said
 from analyzer.filter.fields import TEXT, Kind
 from analyzer.filter.language.errors import FilterError, listed, near
-from analyzer.filter.language.syntax import Arithmetic, BareWord, Call, Number, Sign, Slice
+from analyzer.filter.language.literals import text_value
+from analyzer.filter.language.syntax import Arithmetic, BareWord, Call, Number, QuotedText, Sign, Slice
 from analyzer.filter.nodes import ConstantNode, FieldNode, LagNode, MappedNode, PairNode, RowNode, ValueNode
 from analyzer.filter.slices import byte_values, cut, lengths, nowhere
-from analyzer.filter.values import CodedWords, Values
 from dissectors.records import replace
 from dissectors.times import SECOND
 
@@ -150,6 +151,14 @@ class Operands(Constants):
             reason = f"{node.unit} does not fit: the field has no unit; did you mean {other}?"
             raise self.fail(reason, node, (other,))
 
+    def parted(self, ref: FieldRef, node: Syntax) -> None:
+        """Raise `FilterError` for a word that a number has none of, if it is a part of it or what a part can be."""
+        if ref.kind.sort != "number" or ref.kind.texts or not isinstance(node, (BareWord, QuotedText)):
+            return
+        word = node.text if isinstance(node, BareWord) else text_value(node, self.text)
+        if parts := self.names.parts(ref, word):
+            raise self.fail(f"the field is {said(ref.kind)}, not text; did you mean {listed(parts)}?", node, parts)
+
     def seconds(self, of: ValueNode) -> ValueNode:
         """Return times as seconds, everything else as it is."""
         if of.kind.sort != "duration":
@@ -199,7 +208,7 @@ class Operands(Constants):
         if of.kind.sort != "text":
             raise self.fail(f"this is {said(of.kind)}, not text", node.given[0])
         change = str.lower if node.name == "lower" else str.upper
-        return MappedNode(of, TEXT, lambda values: values.with_data(_words(values).changed(change)))
+        return MappedNode(of, TEXT, lambda values: values.with_data(words_of(values).changed(change)))
 
     def _given(self, node: Syntax, among: tuple[Syntax, ...]) -> ValueNode:
         """Return one of several values of a function; constants are in the unit of those that are fields."""
@@ -231,11 +240,6 @@ class Operands(Constants):
 
 def _unbound(kind: Kind) -> Kind:
     return Kind("number", unit=kind.unit, whole=kind.whole)
-
-
-def _words(values: Values) -> CodedWords:
-    assert isinstance(values.data, CodedWords)  # noqa: S101 - types are checked before
-    return values.data
 
 
 def _signed(values: Array) -> Array:
