@@ -59,10 +59,9 @@ class ChannelsOf:
             self._known.feed(ToldValues(node, place, numbers(column)[rows].astype(np.float64), place))
 
     def tables(self) -> Iterator[str]:
-        """Yield the tables that name a channel of somebody."""
-        for plot in self._plots:
-            if plot.who.column and plot.who.first == 1:
-                yield plot.table
+        """Yield the tables in which nodes say which channel they are."""
+        told = (message for profile in self._registry.profiles for message in profile.having("derived"))
+        yield from dict.fromkeys(one.table for one in told if any(made.name == CHANNEL for made in one.derived))
 
     def of(self, context: SeenBatch) -> Values:
         """Return the channel of each transfer of a batch."""

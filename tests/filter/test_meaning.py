@@ -99,6 +99,14 @@ def test_broken_reports_are_of_the_channel_of_their_node(name: str, ch: int, nod
     assert count(some, f"ESCStatus && ch == {ch} && !exists(ESCStatus.esc_index)") == broken > 0
 
 
+def test_a_node_is_the_channel_that_it_has_told_in_a_message_of_its_own() -> None:
+    some = batches("hobbywing.log")
+    told = count(some, "GetEscID && src == 13 && frame.time_relative < 0.1")
+    assert told == 1
+    assert count(some, "ch == 3") == count(some, "src == 13 && frame.time_relative > 0.095") > 100
+    assert count(some, "ch") > count(some, "ch == 3") == count(some, "ch == 3 && src == 13")
+
+
 @pytest.mark.parametrize("text", ["RawCommand.cmd > RawCommand.percent", "can.len > RawCommand.cmd", "unit", "ch == 1"])
 def test_a_frame_of_a_list_has_what_its_transfer_has(failure: list[Batch], text: str) -> None:
     matcher = compile_filter(text.replace("can.len", "5"), REGISTRY).matcher(frame_list=True)
