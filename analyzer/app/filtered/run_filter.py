@@ -35,14 +35,15 @@ class RunFilter:
 
     Args:
         run: whose request has a filter.
+        text: another one, in place of that.
 
     Raises `FilterError` for one that is wrong, and what a vehicle file raises whose labels it names.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, text: str | None = None) -> None:
         request = run.request
         self._run = run
-        self.filter = compile_filter(request.filter or "", run.registry, wireshark=request.wireshark)
+        self.filter = compile_filter(text or request.filter or "", run.registry, wireshark=request.wireshark)
         self.labels = _labels(run) if self.filter.asks_labels else {}
         self._pages = _pages(run) if self.filter.asks_findings else {}
         self._severities = _severities(run) if self.filter.asks_findings else {}
