@@ -107,6 +107,14 @@ def test_a_node_is_the_channel_that_it_has_told_in_a_message_of_its_own() -> Non
     assert count(some, "ch") > count(some, "ch == 3") == count(some, "ch == 3 && src == 13")
 
 
+@pytest.mark.parametrize("ch", [1, 2])
+def test_settings_are_of_the_channel_that_they_are_for(ch: int) -> None:
+    some = batches("mission-8-faults.log")
+    for name in ("ParamCfg", "ParamGet"):
+        assert count(some, f"{name} && ch == {ch}") == count(some, f"{name}.esc_index == {ch - 1}") > 0
+    assert count(some, "ParamCfg.esc_index == 255 && ch") == 0 < count(some, "ParamCfg.esc_index == 255")
+
+
 @pytest.mark.parametrize("text", ["RawCommand.cmd > RawCommand.percent", "can.len > RawCommand.cmd", "unit", "ch == 1"])
 def test_a_frame_of_a_list_has_what_its_transfer_has(failure: list[Batch], text: str) -> None:
     matcher = compile_filter(text.replace("can.len", "5"), REGISTRY).matcher(frame_list=True)
