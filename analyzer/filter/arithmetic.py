@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dissectors.kit.cells import floats
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -19,7 +21,7 @@ def signed(values: Array) -> Array:
     """Return numbers that can become negative: integers of 64 bits, or floats if these do not hold them."""
     found = np.asarray(values)
     real = found.dtype.kind == "f" or (found.dtype == np.uint64 and bool(found.size) and found.max() > _MOST)
-    return found.astype(np.float64 if real else np.int64)
+    return floats(found) if real else found.astype(np.int64)
 
 
 def calculated(make: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
@@ -28,7 +30,7 @@ def calculated(make: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
     if "f" not in (a.dtype.kind, b.dtype.kind) and a.size and b.size:
         ends = [(int(one.min()), int(one.max())) for one in (a, b)]
         if not all(_LEAST <= make(*pair) <= _MOST for pair in product(*ends)):
-            a, b = a.astype(np.float64), b.astype(np.float64)
+            a, b = floats(a), floats(b)
     found: Array = make(a, b)
     return found
 

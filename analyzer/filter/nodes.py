@@ -130,7 +130,8 @@ class RowNode(ValueNode):
         found = np.full(rows.size, limit, kind)
         for one, numbers in zip(every, plain, strict=True):
             there = one.there()
-            ufunc.at(found, one.rows()[there], numbers[there].astype(kind))
+            with np.errstate(invalid="ignore"):  # a value that is none
+                ufunc.at(found, one.rows()[there], numbers[there].astype(kind))
         return Values(None, found, counts > 0)
 
 
