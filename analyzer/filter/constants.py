@@ -154,7 +154,7 @@ class Constants:
         if code and kind.closed and kind.texts and value not in kind.texts:
             raise self.fail(f"{value} is none of its values: {listed(_codes(kind))}", node, _codes(kind))
         if code and kind.whole and isinstance(value, float):
-            raise self.fail(f"{value:g} is not possible: this is a whole number", node)
+            raise self.fail(f"{digits(value)} is not possible: this is a whole number", node)
         if kind.low is None or kind.high is None:
             return
         if not (kind.low if code else min(kind.low, 0)) <= value <= kind.high:
@@ -229,6 +229,11 @@ class Constants:
         raise self.fail("the field is bytes: they are written 0a:ff, one alone 0a or 0x0a", node)
 
 
+def digits(value: float) -> str:
+    """Return a number in digits, all that a float has."""
+    return f"{value:.15g}"
+
+
 def said(kind: Kind) -> str:
     """Return what a kind is called."""
     if kind.sort == "number":
@@ -239,4 +244,4 @@ def said(kind: Kind) -> str:
 
 
 def _codes(kind: Kind) -> list[str]:
-    return [f"{value:g} {words[0]}" for value, words in kind.texts.items()]
+    return [f"{digits(value)} {words[0]}" for value, words in kind.texts.items()]

@@ -1,4 +1,4 @@
-"""What a command says of its filter: names of what the capture does not have, and all that it wrote."""
+"""What a command says of its filter, and of fields: names of what the capture does not have, and all that it wrote."""
 
 from __future__ import annotations
 
@@ -42,3 +42,11 @@ def test_error_frames_that_are_written_are_told(command: Command, tmp_path: Path
     _, _, err = command("convert", BREAK, tmp_path / name, "-Y", "can.flags.err")
     assert err.startswith(f"-- 0 frames and 26 error frames written to {tmp_path / name}, 4232 do not match;")
     assert "26 error frames" in command("decode", "-q", tmp_path / name)[2]
+
+
+def test_values_of_fields_are_whole(command: Command) -> None:
+    _, out, _ = command("fields", "ParamCfg.esc_*")
+    assert "  4294967295=all; clause" in out
+    assert "  -1=no change; clause" in out
+    assert "'-1=no change" in command("fields", "ParamCfg.esc_rotate_dir", "-T", "csv")[1]
+    assert '{"4294967295": "all"}' in command("fields", "ParamCfg.esc_uuid", "-T", "json")[1]
