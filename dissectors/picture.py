@@ -126,7 +126,8 @@ class Plot:
     Tables of `parameters` are shown beside the commands; of their columns those in `own` are of one device and no
     settings, `turning` are those that say which way a motor turns and what it follows, and `identity` tells one piece
     of hardware from all others; what sets them says in `saved` whether that
-    is kept. `starts` counts how often a device was powered up. A motor faster than `idle_rpm` is driven; 0 if
+    is kept. `starts` counts how often a device was powered up. `esc_of` numbers, from 0, the ESC that a row is about
+    where `who` is not that ESC. A motor faster than `idle_rpm` is driven; 0 if
     the vendor says nothing.
     """
 
@@ -145,6 +146,7 @@ class Plot:
     saved: str = ""
     starts: str = ""
     esc: EscColumns = EscColumns()
+    esc_of: str = ""
     idle_rpm: int = 0
 
 
@@ -227,6 +229,7 @@ class _Reader:
             saved=table.string("saved"),
             starts=table.string("starts"),
             esc=_esc(table),
+            esc_of=table.string("esc_of"),
             idle_rpm=table.integer("idle_rpm") or 0,
         )
         lines = {line.quantity for line in plot.lines}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.filter.matcher import Matcher
     from analyzer.report.model import Finding
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.sources.dataflash import AutopilotLog
     from analyzer.stats.table import StatTable
 
@@ -39,11 +40,8 @@ class RunStatistics:
         self, run: Run, texts: Sequence[str], bit_rate: int | None = None, autopilot: AutopilotLog | None = None
     ) -> None:
         self._run, self._bit_rate = run, bit_rate or BIT_RATE
-        self._where: RunFilter | None = None
-        if run.request.filter is not None:
-            from analyzer.app.filtered.run_filter import RunFilter as MadeFilter  # noqa: PLC0415 - many have none
-
-            self._where = MadeFilter(run)
+        self._named: NamedFrames | None = None
+        self._where = None if run.request.filter is None else self._filter(run.request.filter)
         filtered = self._where is not None
         self._all = statistics(
             texts, run.registry, self._bit_rate, self._matcher, filtered=filtered, autopilot=autopilot
@@ -52,11 +50,7 @@ class RunStatistics:
         if self._where is None:
             self._chooser = Chooser()
         else:
-            if self._where.judges:
-                from analyzer.app.naming import named_frames  # noqa: PLC0415 - few filters ask for findings
-
-                self._where.know(named_frames(run))
-            self._chooser = Chooser(self._where.matcher(), self._where.note)
+            self._chooser = Chooser(self._where.matcher(frame_list=True), self._where.note)
         self.start: int | None = None
         self.end: int | None = None
         self.transfers = self.frames = self.chosen_transfers = self.chosen_frames = 0
@@ -145,11 +139,21 @@ class RunStatistics:
 
     def _matcher(self, text: str) -> Matcher:
         """Return a filter at work that asks for what the request asks for and `text` beside it."""
-        from analyzer.filter import compile_filter  # noqa: PLC0415 - as above
+        where = self._run.request.filter
+        return self._filter(text if where is None else f"({where}) && ({text})").matcher(frame_list=True)
 
-        where, labels = self._run.request.filter, self._where.labels if self._where is not None else {}
-        both = text if where is None else f"({where}) && ({text})"
-        return compile_filter(both, self._run.registry).matcher(labels=labels)
+    def _filter(self, text: str) -> RunFilter:
+        """Return a filter that knows what the capture, its vehicle file and its findings say."""
+        from analyzer.app.filtered.run_filter import RunFilter as MadeFilter  # noqa: PLC0415 - many have none
+
+        found = MadeFilter(self._run, text)
+        if found.judges:
+            from analyzer.app.naming import named_frames  # noqa: PLC0415 - few filters ask for findings
+
+            if self._named is None:
+                self._named = named_frames(self._run, "a filter with finding.*")
+            found.know(self._named)
+        return found
 
 
 def _as_shown(found: Sequence[Finding]) -> Iterator[Finding]:

@@ -90,7 +90,7 @@ def _convert(run: Run, output: _Output, complaints: Complaints, marked: MarkedFr
     from analyzer.sinks.packed import packed  # noqa: PLC0415
     from analyzer.views.terminal import escape  # noqa: PLC0415
 
-    inside = frames = 0
+    inside = frames = errors = 0
     shown = output.path == "-" and sys.stdout.isatty()
     with Target(output.path) as target, packed(target.file, output.packing) as file:
         with watched(run.source, complaints, wanted=not shown) as progress:
@@ -98,14 +98,16 @@ def _convert(run: Run, output: _Output, complaints: Complaints, marked: MarkedFr
             for batch in progress.over(run.ahead(run.frame_batches_inside(over=marked.over))):
                 inside += sum(batch.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
                 frames += batch.frames
+                errors += batch.lines["error_frames"]
                 sink.write(batch, marked.rows(batch))
                 run.go_on()
         run.require_inside(inside)
         sink.close()
         run.go_on()
     outside = run.totals.lines["frames"] - frames
+    beside = f" and {errors} error frame{'s' * (errors > 1)}" if errors and outside else ""
     streams.tell(
-        f"-- {sink.frames} frames written to {escape(target.name)}"
+        f"-- {sink.frames} frames{beside} written to {escape(target.name)}"
         + (f", {outside} {'do not match' if run.chosen is not None else 'outside the window'}" if outside else "")
         + f"; {lines_of(run)}\n"
     )

@@ -90,9 +90,11 @@ def _write(found: Sequence[FieldRef], args: argparse.Namespace) -> None:
         rows = ",\n".join(json.dumps(_record(ref), ensure_ascii=False) for ref in found)
         sys.stdout.write(f"[\n{rows}\n]\n")
     elif args.form == "csv":
+        from analyzer.views.records import harmless  # noqa: PLC0415
+
         writer = csv.writer(sys.stdout)
         writer.writerow(KEYS)
-        writer.writerows(map(_cells, found))
+        writer.writerows(map(harmless, _cells(ref)) for ref in found)
     else:
         from analyzer.cli.pager import paged  # noqa: PLC0415
 
@@ -101,20 +103,19 @@ def _write(found: Sequence[FieldRef], args: argparse.Namespace) -> None:
 
 
 def _record(ref: FieldRef) -> dict[str, object]:
-    values = {f"{value:g}": words[0] for value, words in ref.kind.texts.items()} if ref.kind.sort == "number" else {}
+    from analyzer.filter.constants import digits  # noqa: PLC0415
+
+    values = {digits(value): words[0] for value, words in ref.kind.texts.items()} if ref.kind.sort == "number" else {}
     words = [words[0] for words in ref.kind.texts.values()] if ref.kind.sort == "text" else []
     kind = "type" if ref.origin == "type" else ref.kind.sort
     return dict(zip(KEYS, (ref.name, kind, ref.kind.unit, values or words, ref.clause, ref.about), strict=True))
 
 
 def _cells(ref: FieldRef) -> list[str]:
-    from analyzer.views.records import harmless  # noqa: PLC0415
-
     record = _record(ref)
     values = record["values"]
     said = [f"{k}={v}" for k, v in values.items()] if isinstance(values, dict) else list(values)  # type: ignore[call-overload]
-    cells = [str(record[key]) if key != "values" else "; ".join(said) for key in KEYS]
-    return list(map(harmless, cells))
+    return [str(record[key]) if key != "values" else "; ".join(said) for key in KEYS]
 
 
 def _lines(found: Sequence[FieldRef]) -> Iterator[str]:

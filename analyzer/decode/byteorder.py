@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.decode.readings import FORCED, UNDECIDED, Statement
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import floats, numbers
 from dissectors.schema import BYTE_ORDERS
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ class ByteOrder:
         if len(rows) < len(last):  # one of them is too short: an earlier one counts
             table, rows, nodes = _good(sent, places)
         for field, latest in self._watched[name].items():
-            latest[nodes] = numbers(table.column(field))[rows]  # of several rows of one node the last one stays
+            latest[nodes] = floats(numbers(table.column(field))[rows])  # of several rows of one node the last one stays
 
     def _count(self, node: int, positions: Array, big: Array) -> None:
         """Take the proofs of one node in order, among them at least one of big-endian."""

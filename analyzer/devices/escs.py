@@ -14,7 +14,7 @@ from analyzer.devices.rows import NUMBER_BITS, keyed, usable
 from analyzer.facts.traffic import times
 from analyzer.tables import ESC, empty
 from dissectors import picture
-from dissectors.kit.cells import numbers, valid
+from dissectors.kit.cells import floats, numbers, valid
 from dissectors.picture import EscColumns
 from dissectors.records import dataclass, replace
 from dissectors.times import SECOND
@@ -130,7 +130,7 @@ class Escs:
         for name in _NUMBERS:
             found = fields.column(of, one.table, getattr(one.plot.esc, name))
             if found:
-                values = np.where(_has(found[0]), found[0].values.astype(np.float64), np.nan)
+                values = np.where(_has(found[0]), floats(found[0].values), np.nan)
                 self._said[name].feed(ToldValues(one.device, one.transfer, values, one.t))
 
     def _rows(self, one: _EscRows) -> pa.RecordBatch:

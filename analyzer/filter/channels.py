@@ -13,6 +13,7 @@ from analyzer.devices.rows import keyed, usable
 from analyzer.filter.values import Values
 from dissectors import picture
 from dissectors.kit.cells import numbers, valid
+from dissectors.picture import Who
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,10 +60,10 @@ class ChannelsOf:
             self._known.feed(ToldValues(node, place, numbers(column)[rows].astype(np.float64), place))
 
     def tables(self) -> Iterator[str]:
-        """Yield the tables that name a channel of somebody."""
-        for plot in self._plots:
-            if plot.who.column and plot.who.first == 1:
-                yield plot.table
+        """Yield the tables in which nodes say which channel they are, or which ESC a row is about."""
+        told = (message for profile in self._registry.profiles for message in profile.having("derived"))
+        own = [one.table for one in told if any(made.name == CHANNEL for made in one.derived)]
+        yield from dict.fromkeys((*own, *(plot.table for plot in self._plots if plot.esc_of)))
 
     def of(self, context: SeenBatch) -> Values:
         """Return the channel of each transfer of a batch."""
@@ -74,11 +75,12 @@ class ChannelsOf:
         for plot in self._plots:
             if plot.who.elements:
                 named |= context.of_type(plot.table)  # speaks of many: of none in particular
-            table = context.batch.messages.get(plot.table) if plot.who.column and plot.who.first == 1 else None
+            who = Who(column=plot.esc_of, first=1) if plot.esc_of else plot.who
+            table = context.batch.messages.get(plot.table) if who.column and who.first == 1 else None
             if table is not None:  # what is broken, and names none, is its node's
-                rows, key = keyed(table, plot.who)
+                rows, key = keyed(table, who)
                 at = (numbers(rows.column("transfer")) - np.uint64(context.batch.first_transfer)).astype(np.int64)
-                found[at], named[at] = (key & _NUMBER) + plot.who.first, True
+                found[at], named[at] = (key & _NUMBER) + who.first, True
         node = numbers(transfers.column("bus")).astype(np.int64) << 8 | numbers(transfers.column("src"))
         place = np.arange(len(transfers)) + context.batch.first_transfer
         known, told, _ = self._known.ask(node, place)

@@ -36,11 +36,11 @@ class Filter:
 
     def __init__(
         self, text: str, condition: Condition, lags: list[LagNode], registry: Registry, *, words: list[AskedWord],
-        wireshark: bool, frame_list: bool,
+        wireshark: bool,
     ) -> None:  # fmt: skip
         self.text, self.words = text, tuple(words)
         self._condition, self._lags, self._registry = condition, lags, registry
-        self._wireshark, self._frame_list = wireshark, frame_list
+        self._wireshark = wireshark
         self._fields = list(condition.fields())
 
     @property
@@ -79,7 +79,7 @@ class Filter:
         found: dict[str, tuple[str, ...]] = {}
         for ref in self._fields:
             if ref.origin in ("table", "type"):
-                found.setdefault(ref.tables[0], ref.tables)
+                found.setdefault(_called(ref.tables), ref.tables)
         return found
 
     @property
@@ -104,7 +104,7 @@ class Filter:
 
     def matcher(
         self, *, numbering: Numbering | None = None, zero: int | None = None, labels: Mapping[int, str] | None = None,
-        named: NamesFrames | None = None, severities: Mapping[str, str] | None = None,
+        named: NamesFrames | None = None, severities: Mapping[str, str] | None = None, frame_list: bool = False,
     ) -> Matcher:  # fmt: skip
         """Return what evaluates it over one capture.
 
@@ -114,23 +114,32 @@ class Filter:
             labels: of nodes, by node ID.
             named: the rules that name frames.
             severities: of rules, by their names.
+            frame_list: rows are frames, not transfers.
         """
-        return Matcher(self._condition, self._lags, self._memory(numbering, zero, labels, named, severities))
+        return Matcher(
+            self._condition, self._lags, self._memory(numbering, zero, labels, named, severities, frame_list=frame_list)
+        )
 
     def _packet(self, table: str) -> bool:
         return self._registry.message_of(table) is None
 
     def _memory(
         self, numbering: Numbering | None = None, zero: int | None = None, labels: Mapping[int, str] | None = None,
-        named: NamesFrames | None = None, severities: Mapping[str, str] | None = None,
+        named: NamesFrames | None = None, severities: Mapping[str, str] | None = None, *, frame_list: bool = False,
     ) -> FilterMemory:  # fmt: skip
         memory = FilterMemory(
             self._registry, numbering=numbering, zero=zero, labels=labels or {}, named=named,
-            severities=severities or {}, frame_list=self._frame_list, columns=columns_of(self._fields),
+            severities=severities or {}, frame_list=frame_list, columns=columns_of(self._fields),
         )  # fmt: skip
         if numbering is None:
             memory.numbering = Numbering(wireshark=self._wireshark)
         return memory
+
+
+def _called(tables: tuple[str, ...]) -> str:
+    """Return what to call tables that one name stands for: a packet wherever it is, both halves of a service."""
+    outer, last = ({table.rpartition(".")[end] for table in tables} for end in (0, 2))
+    return tables[0] if len(tables) == 1 else (last if len(last) == 1 else outer).pop()
 
 
 class Expression:
@@ -157,23 +166,20 @@ class Expression:
         return self._meter.feed(batch)
 
 
-def compile_filter(text: str, registry: Registry, *, wireshark: bool = False, frame_list: bool = False) -> Filter:
+def compile_filter(text: str, registry: Registry, *, wireshark: bool = False) -> Filter:
     """Return a filter.
 
     Args:
         text: the filter.
         registry: the types.
         wireshark: numbers of frames are Wireshark's, which counts error frames.
-        frame_list: rows are frames, not transfers.
 
     Raises `FilterError`.
     """
     tree = parse(text)
     made = Conditions(text, FilterNames(registry))
     condition = made.make(tree)
-    return Filter(
-        text, condition, made.operands.lags, registry, words=made.words, wireshark=wireshark, frame_list=frame_list
-    )
+    return Filter(text, condition, made.operands.lags, registry, words=made.words, wireshark=wireshark)
 
 
 def compile_expression(text: str, registry: Registry) -> Expression:

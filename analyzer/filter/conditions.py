@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import operator
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from analyzer.filter.apart import apart, carriers
-from analyzer.filter.constants import said
-from analyzer.filter.fields import Kind
+from analyzer.filter.comparing import OPERATORS, bytes_test, in_words, membership, octets_of, of_pairs, words_of
+from analyzer.filter.constants import LITERALS, said
 from analyzer.filter.language.errors import listed
 from analyzer.filter.language.literals import pattern_test, text_bytes, text_value
 from analyzer.filter.language.syntax import (
@@ -21,7 +21,6 @@ from analyzer.filter.language.syntax import (
     Members,
     Not,
     Number,
-    Octets,
     QuotedText,
     Slice,
     ValueRange,
@@ -41,19 +40,13 @@ from analyzer.filter.nodes import (
     moment_test,
 )  # fmt: skip
 from analyzer.filter.operands import TESTS, Operands
-from analyzer.filter.values import ByteSpans, CodedWords, Values
 from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
     from dissectors.kit import Array
 
-_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
-    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
 _TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
@@ -77,6 +70,7 @@ class Conditions:
     def make(self, node: Syntax) -> Condition:
         """Return the condition of a tree. Raises `FilterError`."""
         if isinstance(node, Logic):
+            self._no_list(node)
             return Junction(tuple(self.make(term) for term in node.terms), both=node.op == "and")
         if isinstance(node, Not):
             return Negation(self.make(node.of))
@@ -90,11 +84,20 @@ class Conditions:
             return Present(self.operands.make(node))
         if isinstance(node, Call):
             self.operands.make(node)
-        if isinstance(node, (Number, QuotedText, Octets)):
+        if isinstance(node, LITERALS):
             raise self.operands.fail("a value alone is no condition: compare a field with it", node)
         if isinstance(node, (ValueRange, Members)):
             raise self.operands.fail("a set stands behind in", node)
         raise self.operands.fail("this is a value, not a condition: compare it with something", node)
+
+    def _no_list(self, node: Logic) -> None:
+        """Raise `FilterError` for `x == 1 or 2`."""
+        for k, (before, term) in enumerate(pairwise(node.terms), 1):
+            if node.op == "or" and isinstance(term, LITERALS) and isinstance(before, Comparison) and before.op == "==":
+                rest = takewhile(lambda one: isinstance(one, LITERALS), node.terms[k:])
+                name, *values = (self._text[slice(*of.span)] for of in (before.left, before.right, *rest))
+                instead = f"{name} in {{{', '.join(values)}}}"
+                raise self.operands.fail(f"a value alone is no condition: write {instead:.80}", term, (instead,))
 
     def _of_one_row(self, made: Condition, node: Syntax) -> Condition:
         """Return a condition. Raises `FilterError` if no row has all the fields that it compares."""
@@ -155,7 +158,7 @@ class Conditions:
             return self._with_constant(of, right, op, every=node.every)
         other = self._side(right, op)
         of, other = self._alike(of, other, node)
-        return ComparisonOf(of, other, _pairwise(op), every=node.every)
+        return ComparisonOf(of, other, of_pairs(op), every=node.every)
 
     def _is_type(self, node: BareWord) -> bool:
         return self.operands.names.find(node.text, self._text, node.span[0]).origin == "type"
@@ -170,7 +173,9 @@ class Conditions:
             name = of.ref.name
             fields = list(self.operands.names.with_ending(name.lower()))
             instead = f", or {listed(fields)}" if fields else ""
-            raise self.operands.fail(f"{name} is a type: compare one of its fields, {name}.FIELD{instead}", node)
+            known = len(of.ref.tables) > 1 or of.ref.tables[0].startswith(name)
+            of_what = "a type" if known else f"the type {of.ref.tables[0]}"
+            raise self.operands.fail(f"{name} is {of_what}: compare one of its fields, {name}.FIELD{instead}", node)
         if op in _TURNED and of.kind.special:
             special = of.kind.special
             return MappedNode(of, of.kind, lambda v: v.with_data(v.data, ~np.isin(v.plain, special)))
@@ -193,19 +198,20 @@ class Conditions:
         if kind.sort == "bytes" and isinstance(right, BareWord) and not self.operands.literal(right):
             raise self.operands.fail("bytes cannot be compared with a field", right)
         value = self._fit(right, of, code=op in ("==", "!="))
-        compare = _OPERATORS[op]
+        compare = OPERATORS[op]
         if kind.sort == "moment":
             return moment_test(of, value, compare, every=every)
         if kind.sort == "text":
-            return ValueTest(of, lambda values: _words(values).those(lambda word: compare(word, value)), every=every)
+            return ValueTest(of, lambda values: words_of(values).those(lambda word: compare(word, value)), every=every)
         if kind.sort == "bytes":
-            return ValueTest(of, lambda values: _bytes_test(values, op, value), every=every)
+            return ValueTest(of, lambda values: bytes_test(values, op, value), every=every)
         return ComparisonOf(of, ConstantNode(kind, value), compare, every=every)
 
     def _fit(self, node: Syntax, of: ValueNode, *, code: bool) -> Any:
         """Return a value that fits a side; with `code` it is one that the field can have, as far as that is known."""
         if isinstance(of, FieldNode):
             self.operands.measured(of.ref, node)
+            self.operands.parted(of.ref, node)
         if not code or not isinstance(of, FieldNode) or of.kind.sort != "text":
             return self.operands.fit(node, of.kind, code=code)
         value = self.operands.fit(node, of.kind, code=True)
@@ -238,12 +244,12 @@ class Conditions:
                 singles.append(self._fit(item, of, code=True))
         if kind.sort == "moment":
             return moment_set(of, singles, ranges, every=node.every)
-        return ValueTest(of, _membership(kind, singles, ranges), every=node.every)
+        return ValueTest(of, membership(kind, singles, ranges), every=node.every)
 
     def _search(self, node: Comparison) -> Condition:
         of, right = self.operands.make(node.left), node.right
         if isinstance(of, FieldNode) and of.kind.sort == "number" and of.kind.texts:
-            of = _in_words(of)
+            of = in_words(of)
         if of.kind.sort not in ("text", "bytes"):
             raise self.operands.fail(f"this is {said(of.kind)}: {node.op} looks into text and bytes only", node.left)
         if node.op == "matches":
@@ -255,9 +261,9 @@ class Conditions:
             if not isinstance(right, QuotedText):
                 raise self.operands.fail("what a text contains stands in double quotes", right)
             part = text_value(right, self._text)
-            return ValueTest(of, lambda values: _words(values).those(lambda word: part in word), every=node.every)
+            return ValueTest(of, lambda values: words_of(values).those(lambda word: part in word), every=node.every)
         octets = text_bytes(right, self._text) if isinstance(right, QuotedText) else self.operands.fit(right, of.kind)
-        return ValueTest(of, lambda values: _spans(values).holding(octets), every=node.every)
+        return ValueTest(of, lambda values: octets_of(values).holding(octets), every=node.every)
 
 
 class AskedWord(NamedTuple):
@@ -271,77 +277,3 @@ class AskedWord(NamedTuple):
 def names_type(of: ValueNode) -> bool:
     """Return whether this is the name of a transfer's type."""
     return isinstance(of, FieldNode) and (of.ref.origin, of.ref.column) == ("transfer", "type")
-
-
-def _in_words(of: FieldNode) -> ValueNode:
-    """Return a number with names as those names."""
-    codes = {value: words[0] for value, words in of.kind.texts.items()}
-    words = [*codes.values()]
-    places = {value: k for k, value in enumerate(codes)}
-
-    def change(values: Values) -> Values:
-        known, inverse = np.unique(values.plain, return_inverse=True)
-        at = np.array([places.get(value, -1) for value in known.tolist()], np.int64)
-        found = at[inverse] if len(known) else np.zeros(0, np.int64)
-        return values.with_data(CodedWords(np.maximum(found, 0), words), found >= 0)
-
-    return MappedNode(of, Kind("text"), change)
-
-
-def _words(values: Values) -> CodedWords:
-    assert isinstance(values.data, CodedWords)  # noqa: S101 - types are checked before
-    return values.data
-
-
-def _spans(values: Values) -> ByteSpans:
-    assert isinstance(values.data, ByteSpans)  # noqa: S101 - types are checked before
-    return values.data
-
-
-def _bytes_test(values: Values, op: str, value: bytes) -> Array:
-    spans = _spans(values)
-    if op in ("==", "!="):
-        same = spans.equal(value)
-        return same if op == "==" else ~same
-    compare = _OPERATORS[op]
-    return np.array([compare(one, value) for one in spans.each()], bool)
-
-
-def _pairwise(op: str) -> Callable[[Any, Any], Array]:
-    compare = _OPERATORS[op]
-
-    def holds(a: Any, b: Any) -> Array:
-        if isinstance(a, CodedWords):
-            one, other = np.array(a.words, object)[a.codes], np.array(b.words, object)[b.codes]
-            return np.asarray(compare(one, other), bool)
-        if isinstance(a, ByteSpans):
-            return np.array([compare(x, y) for x, y in zip(a.each(), b.each(), strict=True)], bool)
-        return np.asarray(compare(a, b), bool)
-
-    return holds
-
-
-def _membership(kind: Kind, singles: list[Any], ranges: list[tuple[Any, Any]]) -> Callable[[Values], Array]:
-    """Return what finds values that are one of some, or in a range."""
-    some = set(singles)
-
-    def one(value: Any) -> bool:
-        return value in some or any(low <= value <= high for low, high in ranges)
-
-    if kind.sort == "text":
-        return lambda values: _words(values).those(one)
-    if kind.sort == "bytes":
-        return lambda values: np.array([one(value) for value in _spans(values).each()], bool)
-
-    def numbers(values: Values) -> Array:
-        plain = values.plain
-        found = np.zeros(len(plain), bool)
-        if some:
-            known, inverse = np.unique(plain, return_inverse=True)
-            wanted = {plain.dtype.type(v) if plain.dtype.kind == "f" else v for v in some}
-            found |= np.array([v in wanted for v in known.tolist()] or [False], bool)[inverse] if len(known) else found
-        for low, high in ranges:
-            found |= (plain >= low) & (plain <= high)
-        return found
-
-    return numbers

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.filter.fields import Kind
 from analyzer.filter.language.errors import FilterError, listed, near
-from analyzer.filter.language.literals import factor, moment, text_bytes, text_value
+from analyzer.filter.language.literals import factor, folded, moment, text_bytes, text_value
 from analyzer.filter.language.syntax import Arithmetic, BareWord, Number, Octets, QuotedText
 from analyzer.window.limits import Moment
 from dissectors.times import SECOND
@@ -154,7 +154,7 @@ class Constants:
         if code and kind.closed and kind.texts and value not in kind.texts:
             raise self.fail(f"{value} is none of its values: {listed(_codes(kind))}", node, _codes(kind))
         if code and kind.whole and isinstance(value, float):
-            raise self.fail(f"{value:g} is not possible: this is a whole number", node)
+            raise self.fail(f"{digits(value)} is not possible: this is a whole number", node)
         if kind.low is None or kind.high is None:
             return
         if not (kind.low if code else min(kind.low, 0)) <= value <= kind.high:
@@ -180,7 +180,7 @@ class Constants:
             hint = ", such as 1.5 s" if bare and kind.sort == "duration" else hint
             raise self.fail(f"the field is {said(kind)}, not text{hint}", node)
         for value, words in kind.texts.items():
-            if _folded(word) in map(_folded, words):
+            if folded(word) in map(folded, words):
                 return value
         names = [words[0] for words in kind.texts.values()]
         raise self.fail(f"{word!r} is none of its values: {listed(_codes(kind))}", node, near(word, names) or names)
@@ -215,7 +215,7 @@ class Constants:
             return word
         names = [words[0] for words in kind.texts.values()]
         for name in names:
-            if _folded(name) == _folded(word):
+            if folded(name) == folded(word):
                 return name
         raise self.fail(f"{word!r} is none of its values: {listed(names)}", node, near(word, names) or names)
 
@@ -229,6 +229,11 @@ class Constants:
         raise self.fail("the field is bytes: they are written 0a:ff, one alone 0a or 0x0a", node)
 
 
+def digits(value: float) -> str:
+    """Return a number in digits, all that a float has."""
+    return f"{value:.15g}"
+
+
 def said(kind: Kind) -> str:
     """Return what a kind is called."""
     if kind.sort == "number":
@@ -238,9 +243,5 @@ def said(kind: Kind) -> str:
     ]
 
 
-def _folded(word: str) -> str:
-    return " ".join(word.lower().replace("_", " ").replace("-", " ").split())
-
-
 def _codes(kind: Kind) -> list[str]:
-    return [f"{value:g} {words[0]}" for value, words in kind.texts.items()]
+    return [f"{digits(value)} {words[0]}" for value, words in kind.texts.items()]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.filter.history import LastBatches
 from analyzer.tables import VERDICTS
 from dissectors.kit.cells import numbers
 from dissectors.times import NO_TIME
@@ -26,6 +27,7 @@ class RowDeltas:
         self._of: object = None
         self._parts: tuple[tuple[Array, Array], ...] = ()
         self._loose = np.zeros(0, np.int64)
+        self._frames: LastBatches[tuple[Array, Array]] = LastBatches()  # of a list of frames: theirs
 
     def feed(self, context: SeenBatch) -> None:
         """Take the next batch."""
@@ -59,6 +61,8 @@ class RowDeltas:
         self._last = int(ordered[-1])
         cuts = np.cumsum((len(starts), len(self._loose)))
         self._parts = tuple(zip(np.split(since, cuts), np.split(has, cuts), strict=True))
+        if self._frame_list and len(batch.frames):
+            self._frames.add(batch.first_frame, len(batch.frames), self._parts[1])
 
     def of_transfers(self, context: SeenBatch) -> tuple[Array, Array]:
         """Return the times since the rows before transfers, and which have one."""
@@ -66,8 +70,10 @@ class RowDeltas:
         return self.of_frames(context, context.first_places) if self._frame_list else self._parts[0]
 
     def of_frames(self, context: SeenBatch, places: Array) -> tuple[Array, Array]:
-        """Return those of frames, by their numbers from 0; of earlier batches there are none."""
+        """Return those of frames, by their numbers from 0; of earlier batches only a list of frames has some."""
         self.feed(context)
+        if self._frame_list:
+            return self._of_last(places)
         since, has = self._parts[1]
         mine = self._loose + context.batch.first_frame
         at = np.searchsorted(mine, places)
@@ -76,6 +82,14 @@ class RowDeltas:
         if not len(mine):
             return np.zeros(len(places), np.int64), np.zeros(len(places), bool)
         return since[at], has[at] & inside & (mine[at] == places)
+
+    def _of_last(self, places: Array) -> tuple[Array, Array]:
+        found, there = np.zeros(len(places), np.int64), np.zeros(len(places), bool)
+        for first, (since, has) in self._frames.pairs:
+            inside = np.flatnonzero((places >= first) & (places < first + len(since)))
+            at = places[inside] - first
+            found[inside], there[inside] = since[at], has[at]
+        return found, there
 
     def of_errors(self, context: SeenBatch) -> tuple[Array, Array]:
         """Return those of error frames."""

@@ -151,7 +151,7 @@ MEANT = {word: names for words, names in _WORDS.items() for word in words.split(
 # What Wireshark filters by and nothing here has, by the beginning of the name, and what helps instead.
 _COMMENTS = "comments are shown, by both lists of `decode` and by `view`: no filter asks for them"
 ELSEWHERE = {
-    "_ws.col.": "what a column says is made of fields: ask for one, such as ESCStatus.rpm, or search with / in `view`",
+    "_ws.col.": "what a column says is made of fields: ask for one, TYPE.FIELD, or search with / in `view`",
     "_ws.": "it is Wireshark's own; findings are finding.rule and finding.severity, broken transfers dronecan.status",
     "frame.comment": _COMMENTS,
     "pkt_comment": _COMMENTS,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
+import pyarrow as pa
 
 from analyzer.filter.values import ByteSpans
 from dissectors.kit.cells import numbers, valid
@@ -13,12 +14,11 @@ from dissectors.kit.cells import numbers, valid
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
     from analyzer.filter.fields import FieldRef
     from dissectors.kit import Array
 
+T = TypeVar("T")
 BROADCAST = 0xFF  # in place of the number of a unit: all of them
 _BATCHES = 4  # that are kept whatever their size
 _FRAMES = 1 << 17  # that are kept beside them, of smaller batches
@@ -42,36 +42,53 @@ def columns_of(fields: Iterable[FieldRef]) -> frozenset[str]:
     return frozenset(found)
 
 
+class LastBatches(Generic[T]):
+    """Something of the frames of each of the last batches.
+
+    Attributes:
+        pairs: the number of a batch's first frame, and what is kept of it.
+    """
+
+    def __init__(self) -> None:
+        self.pairs: deque[tuple[int, T]] = deque()
+        self._sizes: deque[int] = deque()
+        self._count = 0
+
+    def add(self, first: int, size: int, kept: T) -> None:
+        """Keep what there is of the `size` frames of the next batch."""
+        self.pairs.append((first, kept))
+        self._sizes.append(size)
+        self._count += size
+        while len(self.pairs) > _BATCHES:
+            oldest = self._sizes[0]
+            if self._count - oldest < _FRAMES and len(self.pairs) <= _MOST_BATCHES:
+                break
+            self.pairs.popleft()
+            self._sizes.popleft()
+            self._count -= oldest
+
+
 class FrameHistory:
     """Some columns of the frames of the last batches: `feed(batch)`, then their cells by the frames' numbers from 0."""
 
     def __init__(self, columns: Collection[str]) -> None:
         self._columns = sorted(columns)
-        self._kept: deque[tuple[int, pa.RecordBatch]] = deque()
-        self._count = 0
+        self._kept = LastBatches[pa.RecordBatch]()
 
     def feed(self, batch: Batch) -> None:
         """Keep the frames of the next batch."""
-        if not len(batch.frames) or not self._columns:
-            return
-        self._kept.append((batch.first_frame, batch.frames.select(self._columns)))
-        self._count += len(batch.frames)
-        while len(self._kept) > _BATCHES:
-            oldest = len(self._kept[0][1])
-            if self._count - oldest < _FRAMES and len(self._kept) <= _MOST_BATCHES:
-                break
-            self._kept.popleft()
-            self._count -= oldest
+        if len(batch.frames) and self._columns:
+            self._kept.add(batch.first_frame, len(batch.frames), batch.frames.select(self._columns))
 
     def column(self, name: str, places: Array) -> tuple[Array, Array | None]:
         """Return numbers of frames, and which frames are still known (None: all) and have one."""
-        for first, frames in reversed(self._kept):
+        for first, frames in reversed(self._kept.pairs):
             if len(places) and places.min() >= first and places.max() < first + len(frames):
                 column = frames.column(name)
                 at = places - first
                 return numbers(column)[at], valid(column)[at] if column.null_count else None
         found, has = np.zeros(len(places), np.int64), np.zeros(len(places), bool)
-        for first, frames in self._kept:
+        for first, frames in self._kept.pairs:
             inside = np.flatnonzero((places >= first) & (places < first + len(frames)))
             if len(inside):
                 column = frames.column(name)
@@ -84,7 +101,7 @@ class FrameHistory:
         start, end, has = (np.zeros(len(places), kind) for kind in (np.int64, np.int64, bool))
         parts: list[Array] = []
         size = 0
-        for first, frames in self._kept:
+        for first, frames in self._kept.pairs:
             inside = np.flatnonzero((places >= first) & (places < first + len(frames)))
             if not len(inside):
                 continue

@@ -12,7 +12,7 @@ from analyzer.devices.as_of import AsOf, ToldValues
 from analyzer.filter.context import BatchContext
 from analyzer.filter.rowsets import ErrorSet, FrameSet, MemberSet, RowSet, TransferSet
 from analyzer.tables import VERDICTS
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import floats, numbers
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ class LaggedField:
         there = values.there() & (t != NO_TIME)
         if ref.kind.special:
             there &= ~np.isin(values.plain, ref.kind.special)
-        told = values.plain.astype(np.float64)
+        told = floats(values.plain)
         self._said.feed(ToldValues(key[there], t[there], told[there], t[there]))
         known, value, _ = self._said.ask(key, np.where(t == NO_TIME, 0, t - self._node.ago))
         self._said.forget()

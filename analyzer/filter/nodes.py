@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.filter.arithmetic import signed
 from analyzer.filter.values import Values, any_row, every_row, joined
 
 if TYPE_CHECKING:
@@ -121,14 +122,16 @@ class RowNode(ValueNode):
             counts += np.bincount(one.rows()[one.there()], minlength=rows.size)
         if self._what == "count":
             return Values(None, counts, counts > 0)
-        real = any(one.plain.dtype.kind == "f" for one in every)
+        plain = [signed(one.plain) for one in every]
+        real = any(one.dtype.kind == "f" for one in plain)
         ufunc, start = (np.maximum, -np.inf) if self._what == "max" else (np.minimum, np.inf)
         kind = np.dtype(np.float64 if real else np.int64)
         limit = start if real else np.iinfo(np.int64).min if self._what == "max" else np.iinfo(np.int64).max
         found = np.full(rows.size, limit, kind)
-        for one in every:
+        for one, numbers in zip(every, plain, strict=True):
             there = one.there()
-            ufunc.at(found, one.rows()[there], one.plain[there].astype(kind))
+            with np.errstate(invalid="ignore"):  # a value that is none
+                ufunc.at(found, one.rows()[there], numbers[there].astype(kind))
         return Values(None, found, counts > 0)
 
 
@@ -192,7 +195,7 @@ class ComparisonOf(Condition):
         assert isinstance(base, Values)  # noqa: S101 - two constants are not compared
         if isinstance(left, Values) and isinstance(right, Values) and right.has is not None:
             base = base.with_data(base.data, right.has)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             good = self._holds(*(one.data if isinstance(one, Values) else one for one in (left, right)))
         return (every_row if self._every else any_row)(base, np.asarray(good, bool), rows.size)
 

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.filter.arithmetic import calculated, divided, masked, rest, signed
+from analyzer.filter.comparing import words_of
 from analyzer.filter.constants import ARITHMETIC, LITERALS, Constants, said
 from analyzer.filter.fields import TEXT, Kind
 from analyzer.filter.language.errors import FilterError, listed, near
-from analyzer.filter.language.syntax import Arithmetic, BareWord, Call, Number, Sign, Slice
+from analyzer.filter.language.literals import text_value
+from analyzer.filter.language.syntax import Arithmetic, BareWord, Call, Number, QuotedText, Sign, Slice
 from analyzer.filter.nodes import ConstantNode, FieldNode, LagNode, MappedNode, PairNode, RowNode, ValueNode
 from analyzer.filter.slices import byte_values, cut, lengths, nowhere
-from analyzer.filter.values import CodedWords, Values
 from dissectors.records import replace
 from dissectors.times import SECOND
 
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from analyzer.filter.fields import FieldRef
     from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
-    from dissectors.kit import Array
 
 LONGEST_LAG = 600 * SECOND
 MOST_LAGS = 16
@@ -58,7 +59,7 @@ class Operands(Constants):
             return self._call(node)
         if isinstance(node, Sign):
             of = self.number(node.of)
-            return MappedNode(of, _unbound(of.kind), lambda values: values.with_data(-_signed(values.plain)))
+            return MappedNode(of, _unbound(of.kind), lambda values: values.with_data(-signed(values.plain)))
         if isinstance(node, Arithmetic):
             return self._arithmetic(node)
         if isinstance(node, LITERALS):
@@ -99,7 +100,7 @@ class Operands(Constants):
                 if not side.kind.whole and side.kind.sort != "flag":
                     raise self.fail("bits are taken of whole numbers only", of)
             kind = Kind("number", whole=True, mask=-1, octet=left.kind.octet or right.kind.octet)
-            return PairNode(left, right, kind, lambda a, b: (_whole(a) & _whole(b), None))
+            return PairNode(left, right, kind, lambda a, b: (masked(a, b), None))
         if node.op in ("+", "-") and left.kind.unit and right.kind.unit and left.kind.unit != right.kind.unit:
             raise self.fail(f"{left.kind.unit} and {right.kind.unit} cannot be added", node)
         if node.op in ("*", "/") and left.kind.unit and right.kind.unit:
@@ -111,10 +112,10 @@ class Operands(Constants):
         kind = Kind("number", unit=unit, whole=whole)
         if node.op in ARITHMETIC:
             make = ARITHMETIC[node.op]
-            return PairNode(left, right, kind, lambda a, b: (make(_signed(a), _signed(b)), None))
+            return PairNode(left, right, kind, lambda a, b: (calculated(make, a, b), None))
         if isinstance(right, ConstantNode) and right.value == 0:
             raise self.fail("nothing is divided by 0", node.right)
-        return PairNode(left, right, kind, _divided if node.op == "/" else _rest)
+        return PairNode(left, right, kind, divided if node.op == "/" else rest)
 
     def _pair(self, node: Arithmetic) -> tuple[ValueNode, ValueNode]:
         """Return both sides, constants in the unit of the other side where that has to be the same."""
@@ -149,6 +150,14 @@ class Operands(Constants):
         if other := self.names.measured(ref, node.unit):
             reason = f"{node.unit} does not fit: the field has no unit; did you mean {other}?"
             raise self.fail(reason, node, (other,))
+
+    def parted(self, ref: FieldRef, node: Syntax) -> None:
+        """Raise `FilterError` for a word that a number has none of, if it is a part of it or what a part can be."""
+        if ref.kind.sort != "number" or ref.kind.texts or not isinstance(node, (BareWord, QuotedText)):
+            return
+        word = node.text if isinstance(node, BareWord) else text_value(node, self.text)
+        if parts := self.names.parts(ref, word):
+            raise self.fail(f"the field is {said(ref.kind)}, not text; did you mean {listed(parts)}?", node, parts)
 
     def seconds(self, of: ValueNode) -> ValueNode:
         """Return times as seconds, everything else as it is."""
@@ -185,7 +194,7 @@ class Operands(Constants):
 
     def _abs(self, node: Call) -> ValueNode:
         of = self.seconds(self.number(node.given[0]))
-        return MappedNode(of, _unbound(of.kind), lambda values: values.with_data(np.abs(_signed(values.plain))))
+        return MappedNode(of, _unbound(of.kind), lambda values: values.with_data(np.abs(signed(values.plain))))
 
     def _count(self, node: Call) -> ValueNode:
         return RowNode("count", (self.make(node.given[0]),), Kind("number", whole=True))
@@ -199,7 +208,7 @@ class Operands(Constants):
         if of.kind.sort != "text":
             raise self.fail(f"this is {said(of.kind)}, not text", node.given[0])
         change = str.lower if node.name == "lower" else str.upper
-        return MappedNode(of, TEXT, lambda values: values.with_data(_words(values).changed(change)))
+        return MappedNode(of, TEXT, lambda values: values.with_data(words_of(values).changed(change)))
 
     def _given(self, node: Syntax, among: tuple[Syntax, ...]) -> ValueNode:
         """Return one of several values of a function; constants are in the unit of those that are fields."""
@@ -231,36 +240,3 @@ class Operands(Constants):
 
 def _unbound(kind: Kind) -> Kind:
     return Kind("number", unit=kind.unit, whole=kind.whole)
-
-
-def _words(values: Values) -> CodedWords:
-    assert isinstance(values.data, CodedWords)  # noqa: S101 - types are checked before
-    return values.data
-
-
-def _signed(values: Array) -> Array:
-    """Return numbers that can become negative: integers of 64 bits, or floats."""
-    if isinstance(values, (int, float)):
-        return values
-    return values.astype(np.float64 if values.dtype.kind == "f" else np.int64)
-
-
-def _whole(values: Array) -> Array:
-    return values if isinstance(values, int) else values.astype(np.int64)
-
-
-def _divided(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return quotients, of integers without what is behind the point, and where there is one."""
-    a, b = np.asarray(_signed(a)), np.asarray(_signed(b))
-    good = np.broadcast_to(b != 0, np.broadcast_shapes(a.shape, b.shape))
-    safe = np.where(b == 0, 1, b)
-    if a.dtype.kind == "f" or b.dtype.kind == "f":
-        return a / safe, good
-    return np.where((a < 0) == (safe < 0), 1, -1) * (np.abs(a) // np.abs(safe)), good
-
-
-def _rest(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return remainders with the sign of what is divided, and where there is one."""
-    a, b = np.asarray(_signed(a)), np.asarray(_signed(b))
-    good = np.broadcast_to(b != 0, np.broadcast_shapes(a.shape, b.shape))
-    return np.fmod(a, np.where(b == 0, 1, b)), good

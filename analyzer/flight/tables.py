@@ -11,6 +11,7 @@ import numpy as np
 from analyzer.decode.grouped import grouped
 from analyzer.devices import fields
 from analyzer.devices.rows import keyed, usable
+from dissectors.kit.cells import floats
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class ReportTable:
         found = self.column(name)
         if found is None:
             return np.full(len(self.order), np.nan)
-        values: Array = found.values[self.order].astype(np.float64)
+        values: Array = floats(found.values[self.order])
         return values if found.has is None else np.where(found.has[self.order], values, np.nan)
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.tables import counted
+from dissectors.kit.cells import floats
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
@@ -45,7 +46,7 @@ class Distribution:
 
     def feed(self, values: Array) -> None:
         """Add values of any dtype of numbers."""
-        values = values.astype(np.float64)
+        values = floats(values)
         finite = np.isfinite(values)
         if not finite.all():
             self.left_out += len(values) - int(finite.sum())

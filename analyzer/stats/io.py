@@ -158,8 +158,7 @@ def _wish(text: str, order: StatOrder) -> _Wish:
     if found is None:
         if re.match(rf"({'|'.join(_MEASURES)})\b", text):
             raise ValueError(f"{text!r}: the field stands in brackets, as in AVG(FIELD)")
-        compile_filter(text, order.registry)
-        return _Wish(text, chooser=Chooser(order.matcher(text)))
+        return _of_frames(text, order)
     depth, at = 1, found.end()
     while at < len(text) and depth:
         depth += {"(": 1, ")": -1}.get(text[at], 0)
@@ -170,6 +169,8 @@ def _wish(text: str, order: StatOrder) -> _Wish:
     if rest:
         compile_filter(rest, order.registry)
     inner = text[found.end() : at - 1].strip()
+    if not inner:
+        raise ValueError(f"{text!r} needs a field, as in AVG(FIELD)")
     typed = is_type(inner, order.registry)
     if typed and found[1] != "COUNT":
         raise ValueError(f"{inner} is a type: {found[1]} needs a field (tailbyte fields {inner} lists them)")
@@ -180,6 +181,22 @@ def _wish(text: str, order: StatOrder) -> _Wish:
         return _Wish(text, found[1], chooser=Chooser(order.matcher(there)))
     # Without a filter of its own it counts what the command lets through.
     return _Wish(text, found[1], expression, Chooser(order.matcher(rest)) if rest else None)
+
+
+def _of_frames(text: str, order: StatOrder) -> _Wish:
+    """Return a column of the frames that a filter lets through."""
+    from analyzer.filter import FilterError, compile_filter  # noqa: PLC0415 - as above
+    from analyzer.filter.operands import FUNCTIONS, TESTS  # noqa: PLC0415 - as above
+
+    try:
+        compile_filter(text, order.registry)
+    except FilterError:
+        alone = re.fullmatch(r"(\w+)\([^()]*\)", text)
+        if alone and (alone[1].upper() in _MEASURES or alone[1] not in (*FUNCTIONS, *TESTS)):
+            measures = f"{', '.join(_MEASURES[:-1])} and {_MEASURES[-1]}"
+            raise ValueError(f"{text!r}: there are {measures}, as in AVG(FIELD), in capitals") from None
+        raise
+    return _Wish(text, chooser=Chooser(order.matcher(text)))
 
 
 def _measured(wish: _Wish, batch: ChosenBatch) -> tuple[Array, Array]:

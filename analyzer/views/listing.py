@@ -18,7 +18,7 @@ from analyzer.views.named import rules_of, tag
 from analyzer.views.phrases import OCTETS, REMARK, Phrases, shortened
 from analyzer.views.pick import Pick
 from analyzer.views.sheets import Sheets, type_column, type_names, types_of
-from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
+from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit, fit_name
 from analyzer.views.troubles import oddities, troubles
 from analyzer.views.wording import LISTED
 from analyzer.window.first_frames import first_frames
@@ -164,11 +164,11 @@ class Listing:
 
     def _mark(self, mark: ListMark) -> str:
         names = list(map(escape, self._names))
-        name = "" if mark.bus is None or not self._bus else fit(names[mark.bus], self._bus - 1)
+        name = "" if mark.bus is None or not self._bus else self._bus_name(names[mark.bus])
         where = f"{self._clock.between(mark.t):>{self._time}}"
         source = max(_TIME_AND_SOURCE - len(where), self._time + 4 - len(where), 4)
         way = f"{mark.src:>{source}}>{mark.dst:<3} " if mark.dst else " " * (source + 5)
-        bus = name + " " * (self._bus - display_width(name))
+        bus = name + " " * max(1 if self._bus else 0, self._bus - display_width(name))
         kind = mark.kind if self._width is None else fit(mark.kind, self._type)
         number = "-" if mark.number is None else mark.number
         tid = "" if mark.transfer_id is None else mark.transfer_id
@@ -253,10 +253,11 @@ class Listing:
     def _bus_words(self) -> list[str]:
         if not self._bus:
             return []
-        names = [escape(name) for name in self._names]
-        if self._width is not None:
-            names = [fit(name, self._bus - 1) for name in names]
+        names = [self._bus_name(escape(name)) for name in self._names]
         return [name + " " * max(1, self._bus - display_width(name)) for name in names]
+
+    def _bus_name(self, name: str) -> str:
+        return name if self._width is None else fit_name(name, self._bus - 1)
 
     def _cut(self, line: str) -> str:
         return line if self._width is None else fit(line, self._width)

@@ -70,6 +70,16 @@ def fit(text: str, width: int) -> str:
     return "".join(kept) + ELLIPSIS
 
 
+def fit_name(name: str, width: int) -> str:
+    """Return a name in at most `width` columns; what is cut is in its middle, since names differ at their ends."""
+    if display_width(name) <= width:
+        return name
+    room, kept = width * 2 // 3, len(name)
+    while kept and display_width(name[kept - 1 :]) <= room:
+        kept -= 1
+    return fit(name, width - display_width(name[kept:])) + name[kept:]
+
+
 def _columns(c: str) -> int:
     if unicodedata.category(c) in ("Mn", "Me"):
         return 0

@@ -211,7 +211,7 @@ def _frame_list(
     from analyzer.views.frames.rows import FrameRows  # noqa: PLC0415
     from analyzer.views.frames.writers import FrameLines, FrameRecords  # noqa: PLC0415
 
-    painter = _painter(options, registry) if options.form == "text" else None
+    painter = _painter(options, registry, frame_list=True) if options.form == "text" else None
     rows = FrameRows(
         registry, numbering, wait=not options.follow, most=options.count, named=named, matcher=matcher, painter=painter
     )  # fmt: skip
@@ -223,7 +223,7 @@ def _frame_list(
     return FrameLines(rows, _clock(options, zero), palette, _width(), codes=codes, comments=options.comments)
 
 
-def _painter(options: WriterOptions, registry: Registry) -> Painter | None:
+def _painter(options: WriterOptions, registry: Registry, *, frame_list: bool = False) -> Painter | None:
     """Return what finds the colours of rows; a file that is asked for is checked in any case."""
     if not options.colour and options.colours is None:
         return None
@@ -231,7 +231,7 @@ def _painter(options: WriterOptions, registry: Registry) -> Painter | None:
     from analyzer.views.colours.rules import colour_rules  # noqa: PLC0415
 
     rules = colour_rules(options.colours, registry)
-    return Painter(rules) if rules and options.colour else None
+    return Painter(rules, frame_list=frame_list) if rules and options.colour else None
 
 
 def _clock(options: WriterOptions, zero: int | None) -> TimeFormat:

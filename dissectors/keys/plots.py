@@ -64,6 +64,10 @@ ESC = Keys("esc", "Columns for the table `esc`: of commands to ESCs the first on
 
 TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PACKET.", (
     Key("who", "table", WHO.about, '{ path = "esc", column = "esc_index", first = 1 }', "the sender", keys=WHO),
+    Key(
+        "esc_of", "text", "The column that numbers, from 0, the ESC that a row is about, where `who` is not that ESC.",
+        '"esc_index"',
+    ),
     Key("idle_rpm", "whole", "A motor that is faster is driven.", "500", "0", low=0, high=_MOST_IDLE),
     by_name("line", LINE.about, LINE, 'line.voltage = { column = "voltage" }'),
     by_name("states", STATES.about, STATES, "states.state = {}"),

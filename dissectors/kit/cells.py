@@ -35,6 +35,13 @@ def valid(array: pa.Array) -> Array:
     return np.asarray(array.is_valid()) if bitmap is None else _bits(bitmap, array.offset, len(array))
 
 
+def floats(values: Array) -> Array:
+    """Return numbers of any dtype as floats of 64 bits; numpy warns of a NaN that signals, which a sender may send."""
+    with np.errstate(invalid="ignore"):
+        found: Array = values.astype(np.float64)
+    return found
+
+
 def _bits(bitmap: pa.Buffer, start: int, count: int) -> Array:
     first = start // 8
     packed = np.frombuffer(bitmap, np.uint8, (start + count + 7) // 8 - first, first)

@@ -88,14 +88,6 @@ def test_findings_mark_what_they_select(command: Command) -> None:
     assert all("TRF-003" in row["findings"] for row in rows)
 
 
-def test_what_never_occurs_is_said(command: Command) -> None:
-    code, _, err = command("decode", HOVER, "-Y", "ahrs.Solution && src == 3")
-    assert code == 0
-    assert "has no uavcan.equipment.ahrs.Solution: the filter asks for what never occurs" in err
-    _, _, err = command("decode", HOVER, "-Y", "ahrs.Solution || NodeStatus")
-    assert "never occurs" not in err
-
-
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("text", "word", "reason"),

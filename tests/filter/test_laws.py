@@ -277,3 +277,19 @@ def test_batches_of_any_size_give_the_same(text: str, size: int) -> None:
     if "delta" in text:  # the row before is that of a list, which gives transfers as they end
         return
     assert chosen(size) == whole
+
+
+@pytest.mark.parametrize("size", [2500, 9000, 92_620])
+def test_a_frame_of_a_list_counts_from_the_one_before_whenever_its_transfer_ends(size: int) -> None:
+    data, engine = (CAPTURES / "hover.log").read_bytes(), Engine(dissectors.load())
+    matcher = compile_filter("frame.time_delta >= 500 us", engine.registry).matcher(frame_list=True)
+    found: set[int] = set()
+    times: list[int] = []
+    for piece in [*(data[k : k + size] for k in range(0, len(data), size)), None]:
+        for batch in [*engine.feed(piece), engine.flush()] if piece is not None else engine.end():
+            matches = matcher.feed(batch)
+            places, wanted = matches.members
+            found |= set(places[wanted].tolist())
+            found |= {batch.first_frame + int(k) for k in matches.frames.nonzero()[0]}
+            times += batch.frames.column("t").cast("int64").to_pylist()
+    assert found == {k for k in range(1, len(times)) if times[k] - times[k - 1] >= 500_000}

@@ -99,9 +99,25 @@ def test_broken_reports_are_of_the_channel_of_their_node(name: str, ch: int, nod
     assert count(some, f"ESCStatus && ch == {ch} && !exists(ESCStatus.esc_index)") == broken > 0
 
 
+def test_a_node_is_the_channel_that_it_has_told_in_a_message_of_its_own() -> None:
+    some = batches("hobbywing.log")
+    told = count(some, "GetEscID && src == 13 && frame.time_relative < 0.1")
+    assert told == 1
+    assert count(some, "ch == 3") == count(some, "src == 13 && frame.time_relative > 0.095") > 100
+    assert count(some, "ch") > count(some, "ch == 3") == count(some, "ch == 3 && src == 13")
+
+
+@pytest.mark.parametrize("ch", [1, 2])
+def test_settings_are_of_the_channel_that_they_are_for(ch: int) -> None:
+    some = batches("mission-8-faults.log")
+    for name in ("ParamCfg", "ParamGet"):
+        assert count(some, f"{name} && ch == {ch}") == count(some, f"{name}.esc_index == {ch - 1}") > 0
+    assert count(some, "ParamCfg.esc_index == 255 && ch") == 0 < count(some, "ParamCfg.esc_index == 255")
+
+
 @pytest.mark.parametrize("text", ["RawCommand.cmd > RawCommand.percent", "can.len > RawCommand.cmd", "unit", "ch == 1"])
 def test_a_frame_of_a_list_has_what_its_transfer_has(failure: list[Batch], text: str) -> None:
-    matcher = compile_filter(text.replace("can.len", "5"), REGISTRY, frame_list=True).matcher()
+    matcher = compile_filter(text.replace("can.len", "5"), REGISTRY).matcher(frame_list=True)
     for batch in failure:
         matches = matcher.feed(batch)
         places, members = matches.members
@@ -270,7 +286,7 @@ def test_what_means_the_same(text: str, same: str, command: Callable[..., tuple[
     ],
 )
 def test_a_byte_is_a_number(faults: list[Batch], text: str, holds: Callable[[bytes], Any]) -> None:
-    matcher = compile_filter(text, REGISTRY, frame_list=True).matcher()
+    matcher = compile_filter(text, REGISTRY).matcher(frame_list=True)
     for batch in faults:
         expected = [bool(holds(data)) for data in batch.frames.column("data").to_pylist()]
         remote = np.asarray(batch.frames.column("flags")) & 2 != 0

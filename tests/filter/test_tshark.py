@@ -54,7 +54,7 @@ def numbers(text: str) -> list[int]:
 
 def selected(path: Path, text: str) -> list[int]:
     """Return the numbers, as Wireshark counts, of the frames and error frames that a filter of frames selects."""
-    matcher = compile_filter(text, dissectors.load(), wireshark=True, frame_list=True).matcher()
+    matcher = compile_filter(text, dissectors.load(), wireshark=True).matcher(frame_list=True)
     rows: dict[int, bool] = {}
     for batch in batches(path):
         matches = matcher.feed(batch)

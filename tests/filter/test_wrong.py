@@ -158,6 +158,18 @@ WRONG = [
     ('dronecan.type matches «"["»', "a closing bracket is missing"),
     ("«can.len» contains 8", "contains looks into text and bytes only"),
     ("ESCStatus.voltage > «44 km»", "km does not fit: the field is in V"),
+    ("node == 11 or «12»", "a value alone is no condition: write node in {11, 12}"),
+    ("can.id && (src == 11 || «12» || 13)", "write src in {11, 12, 13}"),
+    ("node in {11«...»13}", "a range has two dots, such as 3..5"),
+    ("any («ESCStatus.voltage > 3»)", "any stands in front of a field, without parentheses"),
+    ("all («can.id && can.len») == 3", "all stands in front of a field"),
+    ("ESCStatus «not» RawCommand", "not stands in front of a condition (&& not x == 3) or of in (x not in {1, 3..5})"),
+    ("ESCStatus«!»", "not stands in front of a condition"),
+    ("dst == «broadcast»", "broadcast is the type uavcan.tunnel.Broadcast: compare one of its fields"),
+    ('MotorStatus.fault == «"stall"»', "a number, not text; did you mean MotorStatus.fault.stall?"),
+    ("PUSHCAN.MotorStatus.fault != «stall»", "did you mean PUSHCAN.MotorStatus.fault.stall?"),
+    ('MotorStatus.fault in {1, «"over voltage"»}', "did you mean MotorStatus.fault.over_voltage?"),
+    ('ESCStatus.status == «"error"»', 'did you mean ESCStatus.status.mode == "error"?'),
     ("ESCStatus.voltage «between» 1 and 2", "an operator such as && or == is expected, not a name"),
 ]  # fmt: skip
 

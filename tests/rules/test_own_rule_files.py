@@ -27,6 +27,13 @@ WRONG = [
     (HEAD + 'when = "ESCStatus.voltage > 4 A"', 3, "A does not fit: the field is in V", 20),
     (HEAD + "when = 'ESCStatus.mode == \"broken\"'", 3, "", 18),
     (HEAD + "when = 'finding.rule == \"TRF-001\"'", 3, "a rule cannot ask what rules find", 0),
+    (HEAD + "when = 'node.label == \"front\" && ESCStatus'", 3, "no node in this file is called 'front'", 14),
+    (
+        "[node.12]\nlabel = 'front left'\n" + HEAD + "when = 'ESCStatus && node.label == \"front lift\"'",
+        5,
+        "did you mean front left?",
+        27,
+    ),
     (HEAD + 'when = "ESCStatus && can.flags.err"', 3, "no transfer has an error frame or remote frame", 13),
     (HEAD + 'when = "can.flags.rtr && dronecan.priority > 3"', 3, "no transfer has an error frame", 0),
     (HEAD + 'when = "can.id == 3"\nthen = "NodeStatus"\nwithin = "1 s"', 3, "a demand is of transfers", 0),

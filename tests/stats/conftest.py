@@ -28,7 +28,7 @@ def tables(decode: Callable[..., Any], registry: Registry) -> Callable[..., dict
 
         def matcher(text: str) -> Any:
             both = " && ".join(f"({one})" for one in (where, text) if one)
-            return compile_filter(both, registry).matcher()
+            return compile_filter(both, registry).matcher(frame_list=True)
 
         made = statistics(names, registry, 1_000_000, matcher, filtered=bool(where))
         chooser = Chooser(matcher("") if where else None)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from kit import ROOT, VECTORS
 from kit.strategies import Capture, captures, examples
 
+import analyzer
 from analyzer.tables import VERDICTS
 
 if TYPE_CHECKING:
@@ -126,3 +127,13 @@ def test_filters_share_the_frames_among_them(tables: Callable[..., dict[str, Sta
         parts = [tables(text, names=["talkers"], where=one)["talkers"] for one in (where, f"!({where})")]
         for name in ("frames", "bytes"):
             assert sum(total(part, name) for part in parts) == total(everything, name), where
+
+
+def test_each_frame_is_asked_for_its_own_time() -> None:
+    """Not for the time since the row before in a list, where a transfer is one row."""
+    capture, where = analyzer.open_capture(ROOT / "captures/hover.log"), "frame.time_delta >= 1 ms"
+    times = capture.table("frames").column("t").cast("int64").to_pylist()
+    late = sum(b - a >= 1_000_000 for a, b in pairwise(times))
+    assert late > 100
+    assert sum(capture.stats(f"io,1,{where}").column(where).to_pylist()) == late
+    assert sum(capture.filter(where).stats("talkers").column("frames").to_pylist()) == late

@@ -185,8 +185,14 @@ def test_a_file_that_is_not_there_has_no_lines(command: Command, tmp_path: Path)
 @pytest.mark.parametrize("capture", ["captures/faults.log", "captures/bus-break.log"])
 def test_frames_of_a_list_have_the_colours_of_what_holds_for_them(command: Command, home: Path, capture: str) -> None:
     home.mkdir(parents=True)
-    rules = {"95": "can.id == 0x123 || can.flags.err", "36": "ESCStatus", "4": "can.len < 4", "": "NodeStatus"}
-    styles = {"95": "bright magenta", "36": "cyan", "4": "underline", "": "plain"}
+    rules = {
+        "95": "can.id == 0x123 || can.flags.err",
+        "36": "ESCStatus",
+        "4": "can.len < 4",
+        "": "NodeStatus",
+        "7": "frame.time_delta > 1 ms",
+    }
+    styles = {"95": "bright magenta", "36": "cyan", "4": "underline", "": "plain", "7": "reverse"}
     (home / "colours.toml").write_text(
         "defaults = false\n"
         + "".join(f"[[colour]]\nwhen = '{when}'\nstyle = '{styles[code]}'\n" for code, when in rules.items())

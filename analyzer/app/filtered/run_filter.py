@@ -35,16 +35,15 @@ class RunFilter:
 
     Args:
         run: whose request has a filter.
+        text: another one, in place of that.
 
     Raises `FilterError` for one that is wrong, and what a vehicle file raises whose labels it names.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, text: str | None = None) -> None:
         request = run.request
         self._run = run
-        self.filter = compile_filter(
-            request.filter or "", run.registry, wireshark=request.wireshark, frame_list=request.frame_list
-        )
+        self.filter = compile_filter(text or request.filter or "", run.registry, wireshark=request.wireshark)
         self.labels = _labels(run) if self.filter.asks_labels else {}
         self._pages = _pages(run) if self.filter.asks_findings else {}
         self._severities = _severities(run) if self.filter.asks_findings else {}
@@ -67,10 +66,10 @@ class RunFilter:
         """Take the rules that name frames."""
         self._named = named
 
-    def matcher(self) -> Matcher:
-        """Return what evaluates it from the first batch on."""
+    def matcher(self, *, frame_list: bool = False) -> Matcher:
+        """Return what evaluates it from the first batch on; with `frame_list` rows are frames, not transfers."""
         severities = {rule: page.severity for rule, page in self._pages.items()} | self._severities
-        return self.filter.matcher(labels=self.labels, named=self._named, severities=severities)
+        return self.filter.matcher(labels=self.labels, named=self._named, severities=severities, frame_list=frame_list)
 
     def unpack(self, *, rows: bool, colours: bool) -> None:
         """Have its run make no tables but those it asks for, those of the `rows` that it may select if they are shown.
@@ -88,12 +87,12 @@ class RunFilter:
         """Return what chooses frames of a list, None if rows are transfers."""
         if not self._run.request.frame_list:
             return None
-        self._matcher = self.matcher()
+        self._matcher = self.matcher(frame_list=True)
         return self
 
     def feed(self, batch: Batch) -> Matches:
         """Take the next batch of a list of frames, and return what it chooses."""
-        matches = (self._matcher or self.matcher()).feed(batch)
+        matches = (self._matcher or self.matcher(frame_list=True)).feed(batch)
         self.note(matches)
         self._some = self._some or bool(matches.members[1].any() or matches.frames.any())
         return matches

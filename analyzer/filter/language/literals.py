@@ -155,3 +155,8 @@ def factor(unit: str, wanted: str) -> Fraction | None:
     """Return what a number in `unit` has to be multiplied by to be in the unit `wanted`; None if that is another."""
     (one, many), (other, each) = base(unit), base(wanted)
     return many / each if one == other else None
+
+
+def folded(word: str) -> str:
+    """Return a word as it is compared with others: capitals, lines and spaces tell nothing."""
+    return " ".join(word.lower().replace("_", " ").replace("-", " ").split())

@@ -114,6 +114,8 @@ class _Parser:
     def _quantified(self) -> Syntax:
         token = self._next()
         left = self._expression(_COMPARED)
+        if isinstance(left, (Comparison, Logic, Not)):
+            raise self._scanner.fail(f"{token.text} stands in front of a field, without parentheses", *left.span)
         if _BINDS.get(self._token.kind) != _COMPARED:
             self._unexpected(f"a comparison behind {token.text}")
         return self._comparison(left, token)
@@ -216,7 +218,9 @@ class _Parser:
         token = self._next()
         negated = token.kind == "not"
         if negated:
-            token = self._want("in", "in behind not")
+            if self._token.kind != "in":
+                self._fail("not stands in front of a condition (&& not x == 3) or of in (x not in {1, 3..5})", token)
+            token = self._next()
         op = token.kind
         right = self._members() if op == "in" else self._expression(_COMPARED)
         every = op in ("!=", "===")
@@ -245,7 +249,9 @@ class _Parser:
                 self._want(",", "a comma or a closing brace")
             low = self._expression(_COMPARED)
             if self._token.kind == "..":
-                self._next()
+                dots = self._next()
+                if self._token.text.startswith(".") and self._token.start == dots.end:
+                    raise self._scanner.fail("a range has two dots, such as 3..5", dots.start, dots.end + 1)
                 high = self._expression(_COMPARED)
                 items.append(ValueRange(low, high, (low.span[0], self._end)))
             else:

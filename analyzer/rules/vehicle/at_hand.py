@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.rules.view import BatchView
     from dissectors.kit import Array, DecodedTable
 
+Number = TypeVar("Number", int, "Array")
 MOST_HELD = 4096  # senders and devices whose last values of a field are kept
 NO_DEVICE = 0
 _UNITS, _MOST_DEVICE = 255, 2047  # units of packets come first, channels of ESCs behind them
@@ -65,6 +66,16 @@ def device_name(device: int) -> str:
     if device == NO_DEVICE:
         return ""
     return f"unit {device}" if device < _UNITS else f"ch{device - _UNITS}"
+
+
+def is_unit(device: Number) -> Number:
+    """Return whether devices are units."""
+    return (device > NO_DEVICE) & (device < _UNITS)
+
+
+def is_channel(device: Number) -> Number:
+    """Return whether devices are channels."""
+    return device > _UNITS
 
 
 def _device(table: DecodedTable) -> Array:
@@ -118,7 +129,7 @@ class HandSet(RowSet):
     def _find(self, ref: FieldRef) -> Values:
         hand = self.hand
         if ref.origin == "unit":
-            return Values(None, hand.device, (hand.device > NO_DEVICE) & (hand.device < _UNITS))
+            return Values(None, hand.device, is_unit(hand.device))
         if ref.origin == "type" and self._tables:
             mine = [k for k, name in enumerate(self._tables) if name in ref.tables]
             return Values(None, np.isin(hand.table, mine))
@@ -149,7 +160,9 @@ class HandSet(RowSet):
 class HeldField:
     """The last values of a field: of each device, or of each sender where none is named.
 
-    A row is given those of its own device, else of its own node, else of whoever has told them last.
+    A row is given those of its own device, else of its own node unless they are of another unit or channel than its
+    own, else of whoever has told them last, on the same bus if anybody has there; a row that names a device none of
+    those of another one.
     """
 
     def __init__(self, ref: FieldRef) -> None:
@@ -178,12 +191,20 @@ class HeldField:
         device, sender, rank = self._who
         own, node, now = hand.device, _senders(view, hand), _ranks(view, hand) + 1
         found = np.full(len(own), -1)
-        named, free = np.flatnonzero(device != NO_DEVICE), np.flatnonzero(device == NO_DEVICE)
-        every = np.arange(len(device))
-        _fill(found, own != NO_DEVICE, (device, rank, named), own, now)
-        for some, mine in ((free, own != NO_DEVICE), (every, own == NO_DEVICE)):
-            _fill(found, mine, (sender, rank, some), node, now)
-            _fill(found, mine, (np.zeros_like(sender), rank, some), np.zeros_like(node), now)
+        named, every, free = own != NO_DEVICE, device > -1, device == NO_DEVICE
+
+        def fill(mine: Array, theirs: Array, said: Array, asked: Array) -> None:
+            """Give those what was told last by who has the same number, on the same bus if anybody has there."""
+            some = np.flatnonzero(theirs)
+            _fill(found, mine, ((sender >> 8) << 12 | said, rank, some), (node >> 8) << 12 | asked, now)
+            _fill(found, mine, (said, rank, some), asked, now)
+
+        fill(named, ~free, device, own)
+        _fill(found, ~named, (sender, rank, np.arange(len(device))), node, now)
+        for mine, theirs in ((is_unit(own), ~is_unit(device)), (is_channel(own), ~is_channel(device))):
+            _fill(found, mine, (sender, rank, np.flatnonzero(theirs)), node, now)
+        for mine, theirs in ((~named, every), (named, free)):
+            fill(mine, theirs, np.zeros_like(sender), np.zeros_like(node))
         rows = np.flatnonzero(found >= 0)
         told = spread(self._values, found[rows], len(device))
         return told._replace(row=rows[told.rows()], key=self._ref.key)

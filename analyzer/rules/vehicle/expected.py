@@ -192,7 +192,7 @@ def _own(table: TomlTable, pages: Mapping[str, Page], registry: Registry, labels
         return None
     from analyzer.rules.vehicle.own import OwnRules, read_own  # noqa: PLC0415 - filters are for those who write some
 
-    return OwnRules(read_own(table, pages, registry, OWN_KEYS), labels)
+    return OwnRules(read_own(table, pages, registry, OWN_KEYS, set(labels.values())), labels)
 
 
 def _rules(

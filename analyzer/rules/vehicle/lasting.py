@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.rules.vehicle.at_hand import NO_DEVICE
+from analyzer.rules.vehicle.at_hand import is_channel, is_unit
 from dissectors.kit import NO_TIME, SECOND
 from dissectors.records import dataclass, replace
 
@@ -99,6 +99,11 @@ class OpenDemand:
     shown: DemandWords | None = None
 
 
+def _alike(one: int, other: int) -> bool:
+    """Return whether both are units, or both channels."""
+    return bool((is_unit(one) and is_unit(other)) or (is_channel(one) and is_channel(other)))
+
+
 class Demands:
     """Follows what has to be followed by something else within some time.
 
@@ -153,7 +158,7 @@ class Demands:
         for key, demand in list(self._open.items()):
             bus, device, stream = key
             other = self._same and stream != one.stream
-            apart = NO_DEVICE not in (device, one.device) and device != one.device
+            apart = device != one.device and _alike(device, one.device)
             if bus != one.bus or other or apart or one.t < demand.t:
                 continue
             del self._open[key]

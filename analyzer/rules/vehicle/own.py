@@ -14,10 +14,10 @@ within = "500 ms"
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, NoReturn, cast
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, cast
 
 from analyzer.filter.conditions import Conditions
-from analyzer.filter.language.errors import FilterError, near
+from analyzer.filter.language.errors import FilterError, listed, near
 from analyzer.filter.language.parser import parse
 from analyzer.filter.names import FilterNames
 from analyzer.rules.catalogue import LAYERS, OWN, Page
@@ -26,9 +26,10 @@ from dissectors.records import dataclass
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from collections.abc import Set as AbstractSet
 
+    from analyzer.filter.conditions import AskedWord
     from analyzer.filter.fields import FieldRef
     from analyzer.filter.nodes import Condition, LagNode
     from dissectors import Registry
@@ -98,21 +99,38 @@ class OwnRules:
         return {one.rule: one.page for one in self.rules}
 
 
+class _FileNames(NamedTuple):
+    """What names in the filters of a file mean: fields, and labels of nodes."""
+
+    fields: FilterNames
+    labels: AbstractSet[str]
+
+    def check_labels(self, text: str, words: Iterable[AskedWord]) -> None:
+        """Raise `FilterError` for a label that the filter `text` asks for and no node has."""
+        for word in words:
+            if word.field == "node.label" and word.text not in self.labels:
+                meant = near(word.text, sorted(self.labels))
+                hint = f"; did you mean {listed(meant)}?" if meant else ""
+                raise FilterError(f"no node in this file is called {word.text!r:.60}{hint}", text, *word.span, meant)
+
+
 def read_own(
-    table: TomlTable, pages: Mapping[str, Page], registry: Registry, keys: AbstractSet[str]
+    table: TomlTable, pages: Mapping[str, Page], registry: Registry, keys: AbstractSet[str], labels: AbstractSet[str]
 ) -> tuple[OwnRule, ...]:
     """Read the rules of the table `rule` that have no page yet, or that have `keys` of own ones.
+
+    `labels` are those of the nodes in the file.
 
     Raises `ProfileError`, for filters with a caret.
     """
     own = [name for name, body in table.body.items() if name not in pages or not keys.isdisjoint(body)]
     if len(own) > MOST_RULES:
         table.fail(f"{len(own)} rules of its own, more than {MOST_RULES}", own[MOST_RULES])
-    names = FilterNames(registry)
+    names = _FileNames(FilterNames(registry), labels)
     return tuple(_read(table, name, pages, names, registry) for name in own)
 
 
-def _read(outer: TomlTable, name: str, pages: Mapping[str, Page], names: FilterNames, registry: Registry) -> OwnRule:
+def _read(outer: TomlTable, name: str, pages: Mapping[str, Page], names: _FileNames, registry: Registry) -> OwnRule:
     if name in pages:
         outer.fail(f"{name} is built in: choose another name for a rule of your own, such as ACME-001", name)
     body = outer.table(name)
@@ -139,18 +157,19 @@ def _read(outer: TomlTable, name: str, pages: Mapping[str, Page], names: FilterN
     if then is not None:
         _refuse_frames(body, when=when, then=then)
     lasts, within = _duration(body, "for"), _duration(body, "within")
-    text = _words(body, names, frames=when.frames)
+    text = _words(body, names.fields, frames=when.frames)
     page = _page(name, body, when, then, registry)
     body.finish()
     return OwnRule(name, page, when, then, lasts, within, text)
 
 
-def _clause(body: TomlTable, key: str, names: FilterNames, others: tuple[str, ...]) -> Clause:
+def _clause(body: TomlTable, key: str, names: _FileNames, others: tuple[str, ...]) -> Clause:
     """Return a filter. Its rows are those of the type that it names first, and that no other clause looks at."""
     text = body.string(key, required=True)
     try:
-        made = Conditions(text, names, across=True)
+        made = Conditions(text, names.fields, across=True)
         condition = made.make(parse(text))
+        names.check_labels(text, made.words)
         named = {ref.key: ref for ref in condition.fields()}
         fields = sorted(named.values(), key=lambda ref: text.find(ref.name))
     except FilterError as error:

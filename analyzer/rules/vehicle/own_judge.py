@@ -19,6 +19,7 @@ from analyzer.rules.vehicle.lasting import Demands, DemandWords, Event, Streaks
 from analyzer.rules.vehicle.own_frames import FrameJudge
 from analyzer.rules.vehicle.own_words import MOST_SHOWN, value_words
 from dissectors.kit import NO_TIME, Occurrence
+from dissectors.kit.cells import floats
 from dissectors.records import replace
 
 if TYPE_CHECKING:
@@ -284,4 +285,4 @@ def _numbers(data: Array | CodedWords | ByteSpans) -> Array:
         return np.array([float(zlib.crc32(word.encode())) for word in data.words] or [0.0])[data.codes]
     if isinstance(data, ByteSpans):
         return np.array([float(zlib.crc32(one)) for one in data.each()])
-    return data.astype(np.float64)
+    return floats(data)

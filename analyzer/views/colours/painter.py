@@ -47,11 +47,12 @@ class Painter:
 
     Args:
         rules: at least one.
+        frame_list: rows are frames, not transfers.
     """
 
-    def __init__(self, rules: Sequence[ColourRule]) -> None:
+    def __init__(self, rules: Sequence[ColourRule], *, frame_list: bool = False) -> None:
         self.codes = [rule.codes for rule in rules]
-        self._matchers = [rule.filter.matcher() for rule in rules]
+        self._matchers = [rule.filter.matcher(frame_list=frame_list) for rule in rules]
 
     def feed(self, batch: Batch, picked: ListedRows) -> RowColours:
         """Take the next batch, and which of its rows are listed."""

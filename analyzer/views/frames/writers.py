@@ -16,7 +16,7 @@ from analyzer.views.members import ALL, NOTHING, PLAIN
 from analyzer.views.named import tag
 from analyzer.views.records import FINDINGS, csv_word
 from analyzer.views.terminal import PLAIN as COLOURLESS
-from analyzer.views.terminal import Palette, comment_line, display_width, escape, fit
+from analyzer.views.terminal import Palette, comment_line, display_width, escape, fit, fit_name
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class FrameLines(FrameWriter):
         rows, clock = table.rows, self._clock
         elapsed = table.deltas() if clock.follows_all else clock.elapsed(rows.column("t"))
         days, seconds = clock.days(rows.column("t"))
-        buses = [fit(escape(name), _MOST_BUS) for name in table.buses]
+        buses = [name if self._width is None else fit_name(name, _MOST_BUS) for name in map(escape, table.buses)]
         head = ""
         if self._sheet is None:
             first = rows.column("bus")[0].as_py()

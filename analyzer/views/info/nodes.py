@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.facts.names import short
 from analyzer.views.info.stay import StayFormat
-from analyzer.views.terminal import display_width, escape, fit
+from analyzer.views.terminal import display_width, escape, fit, fit_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -128,7 +128,7 @@ def _together(columns: Sequence[_Column]) -> int:
 
 def _places(facts: Facts, at: Sequence[tuple[str, str]]) -> Iterator[_Column]:
     if len(facts.buses) > 1:
-        yield _Column("Bus", [fit(escape(bus), _BUS) for bus, _ in at])
+        yield _Column("Bus", [fit_name(escape(bus), _BUS) for bus, _ in at])
     yield _Column("Node", [number for _, number in at], right=True)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.views.info.stay import StayFormat
 from analyzer.views.stats.odd import NAME, odd_lines
-from analyzer.views.terminal import PLAIN, display_width, escape, fit
+from analyzer.views.terminal import PLAIN, display_width, escape, fit, fit_name
 from analyzer.views.times import TimeFormat
 from dissectors.times import SECOND
 
@@ -160,7 +160,7 @@ class StatText:
     def _line(self, table: StatTable, widths: dict[int, int], texts: dict[int, str], bar: str) -> str:
         parts = []
         for k, width in widths.items():
-            text = fit(texts[k], width)
+            text = (fit_name if table.columns[k].name == "bus" else fit)(texts[k], width)
             blank = " " * (width - display_width(text))
             parts.append(text + blank if table.columns[k].kind in _WORDS else blank + text)
         return fit("  ".join([*parts, bar]).rstrip(), self._width)
