@@ -100,7 +100,7 @@ class OwnRules:
 
 
 class _FileNames(NamedTuple):
-    """What names in the filters of a file mean: fields, and labels of nodes."""
+    """The meaning of names in the filters of a file: fields, and labels of nodes."""
 
     fields: FilterNames
     labels: AbstractSet[str]
