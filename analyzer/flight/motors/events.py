@@ -153,7 +153,9 @@ class MotorEvents(ReportEvents):
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
         well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
-        before = max((one for one in well if one is not None), key=lambda one: one.ran, default=spell.before)
+        # Who was never well may have been so from its first report on.
+        unknown = self._watches[spell.key].first if memory.well else spell.before
+        before = max((one for one in well if one is not None), key=lambda one: one.ran, default=unknown)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         if sign == UNLOADED and current > threshold("motor_bare"):
             words = "a part of its load is gone"

@@ -23,6 +23,7 @@ _NEARLY_ALL = 98  # percent
 _MOSTLY = 0.9
 _PAUSES = 5  # of reports in the mean, after which somebody is gone
 _SILENT = frozenset({"silence", "commands stop"})
+_ANEW = frozenset({"restart", "power-up"})
 Node = tuple[int, int]  # bus, node
 ROLES = (
     ("ArmingStatus", "autopilot"),
@@ -62,9 +63,10 @@ class FlightCase:
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
-        telling = [one for one in witness.escs if one.last >= self.start and one.first <= border]
+        alive = self.start - lasting("lost")  # who falls silent just then flew, too
+        telling = [one for one in witness.escs if one.last >= alive and one.first <= border]
         self.escs: list[EscExtent] = telling
-        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < self.start]
+        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < alive]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
@@ -73,6 +75,16 @@ class FlightCase:
         self.swings = [] if self.one_by_one else self._swings()
         self.excursion = self.swings[-1] if self.swings and self.swings[-1].again is None else None
         self.joint = self._joint_losses()
+
+    @property
+    def tips(self) -> bool:
+        """True if control was lost as soon as the motors turned: no motor has shown what it does at a command."""
+        return self.excursion is not None and self.excursion.start - self.start <= lasting("tip")
+
+    @property
+    def standing(self) -> list[FlightEvent]:
+        """The events from before the flight that went on in it."""
+        return [one for one in self.before if one.after is None or one.after.ran > self.start]
 
     @property
     def measured(self) -> bool:
@@ -186,12 +198,16 @@ class FlightCase:
     def in_joint_loss(self, event: FlightEvent) -> bool:
         """Return whether an event lies in a time in which the recorder lost frames of everybody.
 
-        Who is silent for longer than everybody is so outside of it, too.
+        Who is silent for longer than everybody is so outside of it, too; and what goes on behind it is no less true for
+        having begun in it. So is it that a device started anew, whoever missed the moment.
         """
         low, high = self.span(event)
-        if event.kind not in _SILENT:
-            return any(low <= stop and high >= start for start, stop in self.joint)
         until = self.border if event.after is None else event.after.ran
+        if event.kind in _ANEW:
+            return False
+        if event.kind not in _SILENT:
+            inside = [stop for start, stop in self.joint if low <= stop and high >= start]
+            return bool(inside) and until <= max(inside) + lasting("motor_window")
         joint = sum(max(0, min(until, stop) - max(low, start)) for start, stop in self.joint)
         usual = max(
             (one.usual for one in self.paces if (one.bus, one.node, one.type) == (event.bus, event.node, event.type)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.thresholds import threshold
 from analyzer.flight.verdict.model import Verdict
 from dissectors.times import SECOND
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.case import Excursion, FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
-_TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
+_TIPPED = "it tipped over at take-off, and no ESC says why: a motor, propeller, index or setting is wrong"
 
 
 def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) -> Verdict:
@@ -32,9 +32,11 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
     escs = len(case.esc_nodes)
     told = any(one.kind == "fault" and one.first.ran < lost.start for one in case.events)
     without = "" if case.bitless() or told else "without a fault bit "
-    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey {without}{healthy}" if escs else "no ESC reports")
+    fine = "go on reporting" if case.tips else "obey"
+    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs {fine} {without}{healthy}" if escs else "no ESC reports")
     t = event.first.t - max(0, event.first.ran - lost.start)
-    if lost.start - case.start <= lasting("tip"):
+    gone = [case.name(node) for node in case.gone(lost.stop)]
+    if case.tips and not case.unheard and not gone:
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
         took = max(0.1, (lost.start - case.start) / SECOND)
         reasons.append(f"it tips over within {took:.1f} s of the motors turning")
@@ -46,7 +48,6 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
             "setup", _TIPPED, "possible", event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
             ("no report says so; a broken airframe or sensor looks alike",),
         )  # fmt: skip
-    gone = [case.name(node) for node in case.gone(lost.stop)]
     if case.unheard or gone:
         which = _commanded(case.unheard) if escs else "no ESC reports"
         if gone:

@@ -14,6 +14,7 @@ from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.logged import Logged
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
+from analyzer.flight.verdict.outages import Outages
 from analyzer.flight.verdict.said import Onset
 from analyzer.flight.verdict.troubles import troubles
 from dissectors.records import dataclass, replace
@@ -39,11 +40,13 @@ _DISORDER = "cannot tell: parts of the recording are in the wrong order"
 _IN_ORDER = "the parts as files of their own: several are read in the order of their times (tailbyte a.log b.log)"
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
+_STOOD = ("fits", "it hit something; or what these motors share failed: an arm, a wire, a supply")
 _BENCH = ("bench", "motors are driven one by one: nothing flew, so commands tell nothing of an attitude")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
 _SIGNS = frozenset({"fault", "motor", "sag", "spread", "silence", "errors"})
+_WITHOUT_POWER = frozenset({"silence", "restart", "power-up"})
 _ORDINARY = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 
@@ -134,7 +137,7 @@ def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
         lost = None  # what goes apart behind it is thrown about
         found = [one for one in found if one.high < hit or one.kind in _STATES]
         if not found:
-            return [_nothing(case, "nothing wrong seen on this bus until it hit something")]
+            return [_nothing(case, "nothing wrong seen on this bus until several rotors stood at once", [_STOOD])]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [lost_control(case, lost, found), *(_verdict(case, one) for one in before)]
@@ -151,6 +154,8 @@ def _ordered(case: FlightCase, before: list[Trouble]) -> list[Verdict]:
     shown = [_verdict(case, one) for one in before]
     if first.kind in _NEED_CALM and not case.commanded:
         return [_unordered(case, first), *shown]
+    if _powerless(first) and (count := Outages(case).soon_after(first.high)):
+        return [_swept(shown[0], count), *shown]
     unrest = case.unrest(first.low) if first.kind in _WHOLE else None
     slack = min(2 * case.period(first.bus, first.node), lasting("seen_with"))
     late = lost is not None and first.high > lost.stop + slack
@@ -159,9 +164,10 @@ def _ordered(case: FlightCase, before: list[Trouble]) -> list[Verdict]:
     return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
 
 
-def _nothing(case: FlightCase, title: str) -> Verdict:
-    notes = [*([_BENCH] if case.one_by_one else []), *could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
-    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
+def _nothing(case: FlightCase, title: str, notes: Sequence[tuple[str, str]] = ()) -> Verdict:
+    bench, bare = [_BENCH] if case.one_by_one else [], [] if case.esc_nodes else [_NO_ESC]
+    told = [*notes, *bench, *could_not_see(case), *bare]
+    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=told)
 
 
 def _impact(found: list[Trouble]) -> int | None:
@@ -208,6 +214,24 @@ def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
             ("seen", f"{shown.title} ({shown.kind})"),
             ("but", f"commands went {spread:.0f} % apart, {abs(one.high - since) / SECOND:.2f} s before it is seen"),
             ("would tell", "the autopilot's own log: attitude, and what it says of itself"),
+        ),
+    )  # fmt: skip
+
+
+def _powerless(one: Trouble) -> bool:
+    """Return whether an ESC alone may have been without power."""
+    return one.kind == "wiring" and one.first is not None and one.first.kind in _WITHOUT_POWER
+
+
+def _swept(shown: Verdict, count: int) -> Verdict:
+    """Return that nobody can tell: one ESC was without power, and nearly all others so soon after it."""
+    return Verdict(
+        "unknown", "cannot tell: one ESC was without power first, and soon nearly all of them", _POSSIBLE, shown.bus,
+        None, None, (), shown.t, shown.t_end, shown.frame, notes=(
+            ("seen", f"{shown.title} ({shown.kind})"),
+            ("but", f"{count} ESCs are so within {lasting('follows') / SECOND:.1f} s, one after the other"),
+            ("fits", "the supply of all of them; or that one alone, and a vehicle that came down with it"),
+            ("would tell", "a power module on the bus; the autopilot's own log: voltage, height and attitude"),
         ),
     )  # fmt: skip
 

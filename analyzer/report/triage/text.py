@@ -76,7 +76,8 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            stopped = found.flight.end == "landed" and found.first.kind != "none"  # that may have been no landing
+            wrong = found.first.kind != "none" or found.after  # then that may have been no landing
+            stopped = found.flight.end == "landed" and wrong
             flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
@@ -88,7 +89,8 @@ class _Screen:
             yield from self._row(label, text)
 
     def _verdict(self, one: Verdict, label: str) -> Iterator[str]:
-        style = "bad" if one.told else "good" if one.kind == "none" and not self._found.judged else "note"
+        good = one.kind == "none" and not self._found.judged and not self._found.after
+        style = "bad" if one.told else "good" if good else "note"
         text = escape(one.title)
         support = one.support if one.told else "" if self._found.judged or one.kind != "none" else '(not "healthy")'
         room = self._width - len(label) - 2
