@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from kit.composed import composed, deafen, power_off, restart, stall
-from kit.stories import said, triaged
+from kit.stories import said, triaged, without
 
 
 @pytest.mark.parametrize(
@@ -57,3 +59,17 @@ def test_an_esc_that_restarts_twice_is_told_once() -> None:
 def test_a_stall_that_goes_on_behind_a_hole_is_one(rate: int, seed: int) -> None:
     found = triaged(composed((9, deafen(0.05)), (9, stall(2)), rate=rate, escs=8, seed=seed))
     assert (found.first.kind, found.first.ch) == ("esc", 3)
+
+
+def test_escs_of_slow_reports_that_restart_together_do_not_limit_themselves() -> None:
+    happenings = [(9.4 + 0.05 * k, restart(index)) for k, index in enumerate((2, 0, 5, 3, 1, 4))]
+    found = triaged(composed(*happenings, escs=6, rate=10, seed=3))
+    assert (found.first.kind, found.first.node) == ("battery", None)
+    assert not any(one.kind == "esc" for one in found.verdicts)
+
+
+def test_an_esc_whose_transfers_break_did_send() -> None:
+    dice = Random(1)
+    calm = composed()
+    found = triaged(without(calm, lambda node, _, t: node == 12 and t > 5 and dice.random() < 0.3))
+    assert "it did not send" not in said(found)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
 from kit import CAPTURES
-from kit.composed import composed, power_off, stall, throw
-from kit.stories import said, triaged
+from kit.composed import StoryFlight, composed, power_off, stall, throw
+from kit.flight import Vehicle
+from kit.stories import said, triaged, without
 
 import analyzer
 from analyzer.report.triage.text import render
 from analyzer.views.terminal import Palette
+
+STATUS = 1034  # ESCStatus
 
 
 def test_an_esc_that_says_before_take_off_that_it_stalls_is_why_it_tips_over() -> None:
@@ -48,3 +52,48 @@ def test_rotors_that_stand_at_once_are_not_a_flight_that_was_well() -> None:
     assert green not in render(found, palette=Palette(True))
     assert green in render(analyzer.triage(CAPTURES / "bench.log"), palette=Palette(True))
     assert "landed" not in render(found)
+
+
+def test_an_esc_that_gets_no_throttle_before_take_off_is_a_wire() -> None:
+    def deaf(flight: StoryFlight) -> None:
+        flight.vehicle.escs[5].deaf = True
+
+    found = triaged(composed((2.5, deaf), escs=8, rate=50))
+    assert (found.first.kind, found.first.ch) == ("wiring", 6)
+
+
+@pytest.mark.parametrize("begin", [8.8, 8.99, 9.2, 10, 11])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_recording_that_begins_in_the_air_shows_no_take_off(begin: float, seed: int) -> None:
+    found = triaged(without(composed((9, throw(2)), seed=seed), lambda _, __, t: t < begin))
+    assert (found.first.kind, found.first.ch) == ("unknown", None)
+
+
+def test_motors_that_report_once_a_second_are_not_said_to_obey() -> None:
+    last: dict[tuple[int, int], float] = {}
+
+    def unwanted(node: int, type_id: int, t: float) -> bool:
+        begun = last.get((node, type_id), -1.0)
+        if type_id != STATUS or 0 <= t - begun < 0.003:  # the other frames of a transfer
+            return False
+        if t - begun >= 0.99:
+            last[node, type_id] = t
+            return False
+        return True
+
+    found = triaged(without(composed((9, throw(2))), unwanted))
+    assert found.first.kind == "unknown"
+    assert "before each motor had shown what it does at a command" in found.first.title
+
+
+def test_zero_commands_are_no_calm_ones() -> None:
+    """The crash check stops motors that the wind of a long fall turns: commands that are all zero steer nothing."""
+    vehicle, up, down = Vehicle(), 4000, 0.1
+    for start, stop, low, rpm in ((0, 8000, 1.0, 2400), (8000, 9500, down, 2400), (9500, 15_000, 0.0, 1200)):
+        high = up * 2 if low == down else up * low
+        vehicle.commands(start, stop, *(round(one) for one in (high, high, up * low, up * low)))
+        for node in range(11, 15):
+            vehicle.statuses(start, stop, node, rpm=rpm, current=10.0 * (low > 0))
+    found = triaged(vehicle.finish())
+    assert "commanded" not in {one.kind for one in found.verdicts}
+    assert found.first.kind in {"control", "unknown"}

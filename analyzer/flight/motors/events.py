@@ -112,7 +112,14 @@ class MotorEvents(ReportEvents):
                 if not whole or len(self._watches) >= MOST_DEVICES:
                     continue
                 watch = self._watches[plot.table, key] = MotorWatch()
-            self._follow((plot.table, key), watch.feed(told))
+            for some in watch.pieces(told):
+                self._follow((plot.table, key), watch.feed(some))
+
+    def learned(self, bus: int, node: int) -> int | None:
+        """Return when it was known what each motor of an ESC does at a command; None if it never was."""
+        mine = [watch.learned for (_, key), watch in self._watches.items() if split(key)[:2] == (bus, node)]
+        known = [one.ran for one in mine if one is not None]
+        return max(known) if known and len(known) == len(mine) else None
 
     def finish(self) -> None:
         """Tell what lasts to the end."""

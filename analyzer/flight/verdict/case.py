@@ -23,6 +23,7 @@ _NEARLY_ALL = 98  # percent
 _MOSTLY = 0.9
 _PAUSES = 5  # of reports in the mean, after which somebody is gone
 _SILENT = frozenset({"silence", "commands stop"})
+_COMPARED = frozenset({"rpm", "voltage", "current"})
 _ANEW = frozenset({"restart", "power-up"})
 Node = tuple[int, int]  # bus, node
 ROLES = (
@@ -59,6 +60,7 @@ class FlightCase:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
+        self._learned = witness.learned
         self._commands, self.supply, self.setups = witness.command_types, witness.supply, witness.setups
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
@@ -79,7 +81,19 @@ class FlightCase:
     @property
     def tips(self) -> bool:
         """True if control was lost as soon as the motors turned: no motor has shown what it does at a command."""
-        return self.excursion is not None and self.excursion.start - self.start <= lasting("tip")
+        lost = self.excursion
+        return lost is not None and lost.start - self.start <= lasting("tip") and self.takes_off
+
+    @property
+    def takes_off(self) -> bool:
+        """True if the recording shows motors that do not turn yet, of half of the ESCs at least."""
+        still = {(one.bus, one.node) for one in self.escs if one.first < self.start}
+        return 2 * len(still) >= len(self.esc_nodes)
+
+    def unlearned(self, at: int) -> list[Node]:
+        """Return the ESCs that could be held against their past, and had none by some time."""
+        told = {(one.bus, one.node) for one in self.escs if set(one.ranges) >= _COMPARED}
+        return sorted(node for node in told if (since := self._learned(*node)) is None or since > at)
 
     @property
     def standing(self) -> list[FlightEvent]:
@@ -89,7 +103,7 @@ class FlightCase:
     @property
     def measured(self) -> bool:
         """True if every ESC tells what its motor is held against its past by."""
-        return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
+        return all(set(one.ranges) >= _COMPARED for one in self.escs)
 
     @property
     def unheard(self) -> list[int]:
@@ -245,7 +259,7 @@ class FlightCase:
     def _swings(self) -> list[Excursion]:
         """Return the times that commands went apart; the last one may never have calmed down."""
         found: list[Excursion] = []
-        for one in self.events:
+        for one in (*self.standing, *self.events):
             if one.kind != "spread" or (found and (found[-1].again is None or one.first.ran <= found[-1].again)):
                 continue
             start = self._onset(one.first.ran)
@@ -270,7 +284,8 @@ class FlightCase:
         while step + need <= self.stop:
             above = self.pulse.first_above(self.calm_limit, step, step + need)
             if above is None:
-                return step
+                off = self.pulse.mean(step, step + need).min(initial=100) <= threshold("command_idle_percent")
+                return None if off else step  # nobody steers who commands nothing
             step = above + STEP
         return None
 

@@ -60,9 +60,29 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
                 ("would tell", "a recording of all buses with the reports of all ESCs; the autopilot's own log"),
             ),
         )  # fmt: skip
+    if unlearned := case.unlearned(lost.start):
+        return _unseen(case, lost, reasons[0], [case.name(node) for node in unlearned])
     return Verdict(
         "control", "not an ESC: control was lost first", "likely", event.bus, None, None, (), t, event.first.t,
         event.first.frame, tuple(reasons), (),
+    )  # fmt: skip
+
+
+def _unseen(case: FlightCase, lost: Excursion, seen: str, escs: Sequence[str]) -> Verdict:
+    """Return that control was lost before anybody could know whether the ESCs obey."""
+    event = lost.event
+    if case.takes_off:
+        title = "cannot tell: control was lost before each motor had shown what it does at a command"
+    else:
+        title = "cannot tell: the recording begins in flight, and control was lost before motors can be compared"
+    return Verdict(
+        "unknown", title, "possible", event.bus, None, None, (), event.first.t - max(0, event.first.ran - lost.start),
+        event.first.t, event.first.frame, notes=(
+            ("seen", seen),
+            ("unknown", f"whether {' '.join(escs)} obeyed: too few reports with calm commands before"),
+            ("fits", "a motor, propeller or ESC whose report says nothing; or airframe, sensors, filter, pilot"),
+            ("would tell", "reports more often, or from before; the autopilot's own log"),
+        ),
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def esc_troubles(case: FlightCase) -> Iterator[Trouble]:
         and not (doubtful and _partly(one))
     ]  # fmt: skip
     if case.tips:  # what an ESC says since before take-off is why it tips over
-        telling += [one for one in case.standing if one.kind == "fault" and one.sign in _FAILS]
+        telling += [one for one in case.standing if one.kind == "fault" and one.sign in {*_FAILS, "uncommanded"}]
     quiet = [one for one in case.events if one.kind in _AWAY and not case.in_joint_loss(one)]
     everybody = together(case, [one for one in telling if one.sign == "uncommanded"])
     outages = Outages(case)
@@ -53,7 +53,11 @@ def esc_troubles(case: FlightCase) -> Iterator[Trouble]:
             ])  # fmt: skip
             own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]
         if swept:
-            own = [one for one in own if one.first.ran < outages.all[0].high]
+            since = min((one.low for one in outages.all if one.node == node), default=case.border)
+            own = [
+                one for one in own
+                if one.first.ran < outages.all[0].high and (one.sign != UNDRIVEN or one.first.ran <= since)
+            ]  # fmt: skip
         away = _quiet(case, node, off, own) if off and not gone else None
         if away is not None:
             yield away
@@ -173,9 +177,14 @@ def _quiet(case: FlightCase, node: Node, off: list[FlightEvent], own: list[Fligh
         times = "once" if len(silent) == 1 else f"{len(silent)} times"
         lengths = sorted(one.values["silent_s"] for one in silent)
         span = f"{1000 * lengths[0]:.0f} ms" + (f" to {1000 * lengths[-1]:.0f} ms" if len(silent) > 1 else "")
-        if jumps:
+        end = silent[-1].after or silent[-1].first
+        torn = case.losses.broken(case.span(silent[0])[0], end.ran, [node])
+        torn = torn if torn >= threshold("cut_off_missing") else 0
+        if jumps or torn:
             title = f"stopped reporting {times}: its plug or its wire"
-            reasons.append(f"silent {times}, {span}; behind {jumps} of them its transfer IDs jump: it went on sending")
+            sent = [f"behind {jumps} of them its transfer IDs jump"] if jumps else []
+            sent += [f"{torn} broken transfers of it about then"] if torn else []
+            reasons.append(f"silent {times}, {span}; {', '.join(sent)}: it went on sending")
         else:
             title = f"stopped reporting {times}: it did not send"
             reasons.append(f"silent {times}, {span}; its transfer IDs run on: it did not send, so it was not the wire")
