@@ -114,7 +114,7 @@ def _happened(report: Report, *, utc: bool) -> Iterator[TriageHeadline]:
         support = f" ({one.support})" if one.support else ""
         at = _at(one.t_end_ns, capture, utc=utc) if one.support and one.t_end_ns is not None else ""
         of = f"flight {one.flight}" if one.flights == 1 else f"flight {one.flight} of {one.flights}"
-        command = "" if one.kind == "none" else triage(capture)
+        command = "" if one.kind == "none" and one.t_end_ns is None else triage(capture)
         yield TriageHeadline(f"{where}{safe(one.title)}{support}{at}; {of}, {one.end}", command)
 
 

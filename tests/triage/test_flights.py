@@ -175,7 +175,7 @@ def by_hand(rpms: list[list[int]]) -> list[tuple[int, int]]:
                 run = []
     found: list[tuple[int, int]] = []
     for k in sorted(turning):
-        if found and (k - found[-1][1]) * PERIOD <= 2000 + PERIOD:
+        if found and (k - found[-1][1]) * PERIOD <= 2000:
             found[-1] = found[-1][0], k
         else:
             found.append((k, k))
@@ -188,6 +188,8 @@ PHASES = st.lists(st.tuples(st.sampled_from([0, 400, 3000]), st.integers(1, 60))
 @examples(50)
 @given(phases=st.lists(PHASES, min_size=1, max_size=2), cuts=st.lists(st.integers(0, 1 << 20), max_size=4))
 @example(phases=[[(0, 1), (3000, 8)]], cuts=[])
+@example(phases=[[(3000, 9), (0, 50), (3000, 20)]], cuts=[])
+@example(phases=[[(3000, 9), (0, 49), (3000, 20)]], cuts=[])
 def test_law_flights_are_those_of_the_definition(
     told: Told, flush: object, phases: list[list[tuple[int, int]]], cuts: list[int]
 ) -> None:

@@ -112,8 +112,7 @@ class MotorEvents(ReportEvents):
                 if not whole or len(self._watches) >= MOST_DEVICES:
                     continue
                 watch = self._watches[plot.table, key] = MotorWatch()
-            for some in watch.pieces(told):
-                self._follow((plot.table, key), watch.feed(some))
+            self._follow((plot.table, key), watch.feed(told))
 
     def learned(self, bus: int, node: int) -> int | None:
         """Return when it was known what each motor of an ESC does at a command; None if it never was."""

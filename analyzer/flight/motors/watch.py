@@ -12,7 +12,7 @@ from analyzer.decode.sent import cells
 from analyzer.flight.thresholds import threshold
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.motors.reports import EscReports
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 # others than the first also tell while commands change.
 WAYS = 5
 GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
-_BY_PAST = GOOD, TURNING, LOADED, DRAWING  # what only a past can say
-_FEW = 16  # reports
 _NONE = np.zeros(0)
 
 
@@ -59,32 +57,18 @@ class MotorWatch:
         self._native = _native.MotorWatch(_limits())
         self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
         self.first: Spot | None = None  # of all
-        self.learned: Spot | None = None  # the first one that a past said to be well, or one a little later
-
-    def pieces(self, some: EscReports) -> Iterator[EscReports]:
-        """Yield the next reports so that `learned` is told soon: in pieces of few, as long as it is not known."""
-        start, stop = some.part.start, some.part.stop
-        while self.learned is None and start < stop:
-            end = min(start + _FEW, stop)
-            rows = np.arange(start - some.part.start, end - some.part.start)
-            yield some._replace(part=slice(start, end), at=some.at.take(rows))
-            start = end
-        if start == some.part.start:
-            yield some
-        elif start < stop:
-            rows = np.arange(start - some.part.start, stop - some.part.start)
-            yield some._replace(part=slice(start, stop), at=some.at.take(rows))
+        self.learned: Spot | None = None  # the first one that is well by its past
 
     def feed(self, some: EscReports) -> ComparedReports:
         """Compare the next reports, in any pieces; those without a speed, a voltage or commands do not count."""
-        kept, off, last = self._native.feed(some.rows, some.part.start, some.part.stop)
+        kept, off, last, learned = self._native.feed(some.rows, some.part.start, some.part.stop)
         at = some.at if kept is None else some.at.take(cells(kept, np.int64))
         if self.first is None and len(at):
             self.first = at.at(0)
         earlier, spots = self._well, {row: at.at(row) for row in set(last) if row >= 0}
         self._well = [spots.get(row, known) for row, known in zip(last, earlier, strict=True)]
-        if self.learned is None:
-            self.learned = next((self._well[way] for way in _BY_PAST if self._well[way] is not None), None)
+        if self.learned is None and learned >= 0:
+            self.learned = at.at(learned)
         if off is None:
             return ComparedReports(np.zeros(len(at), bool), _NONE, earlier, _NONE, _NONE, _NONE, at)
         differs, well, shares = off

@@ -135,9 +135,10 @@ def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
     hit = _impact(found)
     if hit is not None and (lost is None or hit <= lost.start):
         lost = None  # what goes apart behind it is thrown about
+        stood = [one for one in found if one.stands]
         found = [one for one in found if one.high < hit or one.kind in _STATES]
         if not found:
-            return [_nothing(case, "nothing wrong seen on this bus until several rotors stood at once", [_STOOD])]
+            return [_until(case, next(one for one in stood if one.high >= hit))]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [lost_control(case, lost, found), *(_verdict(case, one) for one in before)]
@@ -168,6 +169,13 @@ def _nothing(case: FlightCase, title: str, notes: Sequence[tuple[str, str]] = ()
     bench, bare = [_BENCH] if case.one_by_one else [], [] if case.esc_nodes else [_NO_ESC]
     told = [*notes, *bench, *could_not_see(case), *bare]
     return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=told)
+
+
+def _until(case: FlightCase, first: Trouble) -> Verdict:
+    """Return that nothing was wrong until several rotors stood at once, the `first` of them."""
+    found = _nothing(case, "nothing wrong seen on this bus until several rotors stood at once", [_STOOD])
+    t, t_end, frame = first.seen
+    return replace(found, t=t, t_end=t_end, frame=frame)
 
 
 def _impact(found: list[Trouble]) -> int | None:

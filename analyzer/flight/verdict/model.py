@@ -117,3 +117,8 @@ class Triage:
     def first(self) -> Verdict:
         """The verdict of the screen."""
         return self.verdicts[0]
+
+    @property
+    def well(self) -> bool:
+        """True if a flight was judged, and nothing wrong was seen in it to its end."""
+        return self.first.kind == "none" and not self.judged and not self.after

@@ -76,8 +76,7 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            wrong = found.first.kind != "none" or found.after  # then that may have been no landing
-            stopped = found.flight.end == "landed" and wrong
+            stopped = found.flight.end == "landed" and not found.well  # that may have been no landing
             flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
@@ -89,8 +88,7 @@ class _Screen:
             yield from self._row(label, text)
 
     def _verdict(self, one: Verdict, label: str) -> Iterator[str]:
-        good = one.kind == "none" and not self._found.judged and not self._found.after
-        style = "bad" if one.told else "good" if good else "note"
+        style = "bad" if one.told else "good" if self._found.well else "note"
         text = escape(one.title)
         support = one.support if one.told else "" if self._found.judged or one.kind != "none" else '(not "healthy")'
         room = self._width - len(label) - 2
