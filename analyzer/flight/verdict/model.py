@@ -121,4 +121,9 @@ class Triage:
     @property
     def well(self) -> bool:
         """True if a flight was judged, and nothing wrong was seen in it to its end."""
-        return self.first.kind == "none" and not self.judged and not self.after
+        return self.first.kind == "none" and not self.judged and not self.wrong
+
+    @property
+    def wrong(self) -> bool:
+        """True if something wrong was seen in a flight, whether or not anybody can tell its cause."""
+        return self.first.told or bool(self.primary) or bool(self.after)
