@@ -86,7 +86,8 @@ class ReportTable:
         found = self.column(name)
         if found is None:
             return np.full(len(self.order), np.nan)
-        values: Array = found.values[self.order].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a float16 of nonsense may be a NaN that signals
+            values: Array = found.values[self.order].astype(np.float64)
         return values if found.has is None else np.where(found.has[self.order], values, np.nan)
 
 

@@ -6,7 +6,7 @@ import pytest
 from kit import CAPTURES
 from kit.composed import StoryFlight, composed, power_off, stall, throw
 from kit.flight import Vehicle
-from kit.stories import said, triaged, without
+from kit.stories import crash_log, said, triaged, without
 
 import analyzer
 from analyzer.report.triage.text import render
@@ -99,3 +99,10 @@ def test_zero_commands_are_no_calm_ones() -> None:
     found = triaged(vehicle.finish())
     assert "commanded" not in {one.kind for one in found.verdicts}
     assert found.first.kind in {"control", "unknown"}
+
+
+def test_a_motor_that_a_wrong_past_calls_off_is_not_said_to_obey() -> None:
+    """The recording begins while motors spin up, so that their past is that of too little speed."""
+    lines = crash_log("derating:tail=no:twin=no:mute=no", 25_000_780, rate=50).splitlines(keepends=True)
+    found = triaged("".join(lines[len(lines) // 4 :]))
+    assert found.first.kind in {"unknown", "esc"}

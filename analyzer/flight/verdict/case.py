@@ -91,9 +91,16 @@ class FlightCase:
         return 2 * len(still) >= len(self.esc_nodes)
 
     def unlearned(self, at: int) -> list[Node]:
-        """Return the ESCs that could be held against their past, and had none by some time."""
+        """Return the ESCs that could be held against their past, and had none by some time, or one that was wrong.
+
+        A past is wrong that says of a motor that flies that it is off.
+        """
         told = {(one.bus, one.node) for one in self.escs if set(one.ranges) >= _COMPARED}
-        return sorted(node for node in told if (since := self._learned(*node)) is None or since > at)
+        off = {
+            (one.bus, one.node) for one in self.events
+            if one.kind == "motor" and one.first.ran < at and (one.after is None or one.after.ran > at)
+        }  # fmt: skip
+        return sorted(node for node in told if node in off or (since := self._learned(*node)) is None or since > at)
 
     @property
     def standing(self) -> list[FlightEvent]:

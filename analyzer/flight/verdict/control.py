@@ -79,7 +79,7 @@ def _unseen(case: FlightCase, lost: Excursion, seen: str, escs: Sequence[str]) -
         "unknown", title, "possible", event.bus, None, None, (), event.first.t - max(0, event.first.ran - lost.start),
         event.first.t, event.first.frame, notes=(
             ("seen", seen),
-            ("unknown", f"whether {' '.join(escs)} obeyed: too few reports with calm commands before"),
+            ("unknown", f"whether {' '.join(escs)} obeyed: too few calm reports before, or off since then"),
             ("fits", "a motor, propeller or ESC whose report says nothing; or airframe, sensors, filter, pilot"),
             ("would tell", "reports more often, or from before; the autopilot's own log"),
         ),

@@ -19,6 +19,9 @@ Support = Literal["well supported", "likely", "possible"]
 SUPPORTS: tuple[Support, Support, Support] = ("well supported", "likely", "possible")
 
 
+_RECORDER = frozenset({"gap", "clock", "loss"})  # events that are none of the vehicle
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """A cause of some kind (a page of `explain`), of whom, between `t` and `t_end`, and how well it is supported.
@@ -126,4 +129,4 @@ class Triage:
     @property
     def wrong(self) -> bool:
         """True if something wrong was seen in a flight, whether or not anybody can tell its cause."""
-        return self.first.told or bool(self.primary) or bool(self.after)
+        return self.first.told or bool(self.primary) or any(one.kind not in _RECORDER for one in self.after)
