@@ -11,6 +11,7 @@ from kit.stories import crash_log, said, triaged, without
 import analyzer
 from analyzer.report.triage.text import render
 from analyzer.views.terminal import Palette
+from dissectors.tmotor.traffic.flights import hover, later
 
 STATUS = 1034  # ESCStatus
 
@@ -106,3 +107,13 @@ def test_a_motor_that_a_wrong_past_calls_off_is_not_said_to_obey() -> None:
     lines = crash_log("derating:tail=no:twin=no:mute=no", 25_000_780, rate=50).splitlines(keepends=True)
     found = triaged("".join(lines[len(lines) // 4 :]))
     assert found.first.kind in {"unknown", "esc"}
+
+
+def test_the_last_of_two_flights_that_went_wrong_fits_on_the_screen() -> None:
+    legs = [*hover(21.0), *later(hover(21.0), 21.0)]
+    text = composed((12, throw(2)), seconds=42, escs=8, flight=lambda story: StoryFlight(story, legs))
+    found = triaged(text)
+    assert (found.first.kind, found.first.ch) == ("propulsion", 3)
+    assert render(found).splitlines()[0].endswith("2 flights, last: stopped")
+    (apart,) = (one for one in found.first.reasons if "went apart" in one)
+    assert float(apart.rpartition("apart ")[2].partition(" s")[0]) < 1  # and not at the landing, where they do so again

@@ -270,9 +270,8 @@ def _verdict(case: FlightCase, one: Trouble) -> Verdict:
             against.append("the reports are too slow to say whether it came before the commands went apart")
             support = _LIKELY if support == _WELL else _POSSIBLE
         elif lost is not None:
-            reasons.append(
-                f"commands were calm until then, and went apart {(lost.start - one.high) / SECOND:.2f} s later"
-            )
+            apart = next((swing.start for swing in case.swings if swing.start >= one.high), lost.start)
+            reasons.append(f"commands were calm until then, and went apart {(apart - one.high) / SECOND:.2f} s later")
         elif case.commanded and case.unrest(one.low) is None:
             reasons.append("commands were calm until then")
     return Verdict(

@@ -77,7 +77,8 @@ class _Screen:
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
             stopped = found.flight.end == "landed" and not found.well  # that may have been no landing
-            flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
+            how = found.flight.end if not stopped else "motors stopped" if count == 1 else "stopped"
+            flights += f", {'last: ' if count > 1 else ''}{how}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
         if display_width(name) + display_width(behind) > self._width:
