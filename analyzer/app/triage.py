@@ -137,7 +137,7 @@ class RunTriage:
         """Return at most three commands that can be pasted."""
         names = " ".join(quote(name) for name in self._run.request.names)
         chosen = f" --flight {flight.number}" if flight is not None else ""
-        if verdict.t_end is None or verdict.kind == "none":
+        if verdict.t_end is None:
             more = f"tailbyte plot {names}{chosen}" if verdict.told else f"tailbyte check {names}"
             before = [one.number for one in self.witness.flights()[:-1] if one.end != "landed"]
             last = [f"tailbyte triage {names} --flight {before[-1]}"] if before else []

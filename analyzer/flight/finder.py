@@ -47,9 +47,10 @@ class EventFinder:
         self.silences = silences = SilenceEvents(
             registry, self.clock, add, [plot.table for plot in self.commands.plots]
         )
+        self.motors = motors = MotorEvents(order, self.escs)
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
-            MotorEvents(order, self.escs), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+            motors, NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
             ParameterEvents(order), ParameterServiceEvents(order), PowerUpEvents(order),
         )  # fmt: skip
         self._told: AutopilotEvents | None = None

@@ -100,6 +100,10 @@ class Witness:
         """The types that command ESCs."""
         return frozenset(plot.table for plot in self._finder.commands.plots)
 
+    def learned(self, bus: int, node: int) -> int | None:
+        """Return when (recorded time) it was known what an ESC's motors do at a command; None if it never was."""
+        return self._finder.motors.learned(bus, node)
+
     @property
     def escs(self) -> list[EscExtent]:
         """The ESCs that reported."""

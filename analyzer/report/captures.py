@@ -67,6 +67,7 @@ def _happened(found: Triage) -> TriageSummary | None:
         flight=flight.number,
         flights=len(found.flights),
         end=flight.end,
+        wrong=found.wrong,
     )
 
 

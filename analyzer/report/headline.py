@@ -59,7 +59,7 @@ def of(report: Report, *, utc: bool = True) -> Headline:
     shown = [one for one in found if one.open]
     answer = _answer(report, shown)
     damaged = any(capture.damage for capture in report.captures)
-    doubtful = damaged or any(one.triage is not None and one.triage.told for one in report.captures)
+    doubtful = damaged or any(one.triage is not None and one.triage.wrong for one in report.captures)
     tone: Tone = "caution" if doubtful and answer == "PASS" else _TONES.get(answer, "caution")
     return Headline(
         verdict=f"{answer}, DAMAGED" if damaged else answer,
@@ -114,8 +114,8 @@ def _happened(report: Report, *, utc: bool) -> Iterator[TriageHeadline]:
         support = f" ({one.support})" if one.support else ""
         at = _at(one.t_end_ns, capture, utc=utc) if one.support and one.t_end_ns is not None else ""
         of = f"flight {one.flight}" if one.flights == 1 else f"flight {one.flight} of {one.flights}"
-        command = "" if one.kind == "none" else triage(capture)
-        yield TriageHeadline(f"{where}{safe(one.title)}{support}{at}; {of}, {one.end}", command)
+        command = "" if one.kind == "none" and not one.wrong else triage(capture)
+        yield TriageHeadline(f"{where}{safe(one.title)}{support}{at}; {of}, {one.ending}", command)
 
 
 def _worst(report: Report, shown: Sequence[Problem], *, utc: bool) -> str:

@@ -197,7 +197,8 @@ class NodeUse:
 class TriageSummary:
     """The first cause in the last flight of a capture, between `t_ns` and `t_end_ns`, and how well it is supported.
 
-    `kind` is a page of `explain`; `none` is nothing wrong seen, `unknown` cannot tell. `end` is how that flight ended.
+    `kind` is a page of `explain`; `none` is nothing wrong seen, `unknown` cannot tell. `end` is how that flight ended,
+    `wrong` whether something wrong was seen in it, which is so of an unknown cause, too.
     """
 
     kind: str
@@ -212,11 +213,17 @@ class TriageSummary:
     flight: int
     flights: int
     end: str
+    wrong: bool
 
     @property
     def told(self) -> bool:
         """True if it tells a cause."""
         return bool(self.support)
+
+    @property
+    def ending(self) -> str:
+        """How the flight ended, in words: motors that stop are no landing where something was wrong."""
+        return "motors stopped" if self.end == "landed" and self.wrong else self.end
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,16 @@ if TYPE_CHECKING:
 
 LOST = TriageSummary(
     "propulsion", "ESC ch5 (node 24): lost the load of its motor", "well supported", "can0", 24, 5, START,
-    START + 61 * SECOND, 4711, 3, 3, "cut",
+    START + 61 * SECOND, 4711, 3, 3, "cut", True,
 )  # fmt: skip
-CALM = replace(LOST, kind="none", title="nothing wrong seen on this bus", support="", end="landed")
+CALM = replace(LOST, kind="none", title="nothing wrong seen on this bus", support="", end="landed", wrong=False)
 DARK = replace(CALM, kind="unknown", title="cannot tell: the recording ends in flight", flight=1, flights=1, end="cut")
+
+
+LOST_CONTROL = replace(
+    DARK, title="cannot tell: control was lost, and ch4 reports nothing any more", end="landed", wrong=True
+)
+STOOD = replace(CALM, title="nothing wrong seen on this bus until several rotors stood at once", wrong=True)
 
 
 def with_(happened: TriageSummary | None, **more: object) -> Report:
@@ -43,6 +49,14 @@ def test_a_cause_is_no_green_pass_and_no_failure() -> None:
     assert with_(LOST).gate.exit_status == 0
     assert headline.of(with_(CALM)).tone == headline.of(with_(None)).tone == "good"
     assert headline.of(with_(DARK)).tone == "good"
+
+
+@pytest.mark.parametrize("happened", [LOST_CONTROL, STOOD], ids=["unknown", "none"])
+def test_what_went_wrong_is_no_green_pass_and_no_landing_though_nobody_knows_why(happened: TriageSummary) -> None:
+    head = headline.of(with_(happened))
+    assert (head.verdict, head.tone) == ("PASS", "caution")
+    assert head.happened[0].text.endswith("motors stopped")
+    assert head.happened[0].command
 
 
 def test_what_was_seen_has_a_command_unless_nothing_was_wrong() -> None:

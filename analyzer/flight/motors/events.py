@@ -114,6 +114,12 @@ class MotorEvents(ReportEvents):
                 watch = self._watches[plot.table, key] = MotorWatch()
             self._follow((plot.table, key), watch.feed(told))
 
+    def learned(self, bus: int, node: int) -> int | None:
+        """Return when it was known what each motor of an ESC does at a command; None if it never was."""
+        mine = [watch.learned for (_, key), watch in self._watches.items() if split(key)[:2] == (bus, node)]
+        known = [one.ran for one in mine if one is not None]
+        return max(known) if known and len(known) == len(mine) else None
+
     def finish(self) -> None:
         """Tell what lasts to the end."""
         for spell in self._spells.finish():
@@ -153,7 +159,9 @@ class MotorEvents(ReportEvents):
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
         well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
-        before = max((one for one in well if one is not None), key=lambda one: one.ran, default=spell.before)
+        # Who was never well may have been so from its first report on.
+        unknown = self._watches[spell.key].first if memory.well else spell.before
+        before = max((one for one in well if one is not None), key=lambda one: one.ran, default=unknown)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         if sign == UNLOADED and current > threshold("motor_bare"):
             words = "a part of its load is gone"

@@ -56,13 +56,19 @@ class MotorWatch:
     def __init__(self) -> None:
         self._native = _native.MotorWatch(_limits())
         self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
+        self.first: Spot | None = None  # of all
+        self.learned: Spot | None = None  # the first one that is well by its past
 
     def feed(self, some: EscReports) -> ComparedReports:
         """Compare the next reports, in any pieces; those without a speed, a voltage or commands do not count."""
-        kept, off, last = self._native.feed(some.rows, some.part.start, some.part.stop)
+        kept, off, last, learned = self._native.feed(some.rows, some.part.start, some.part.stop)
         at = some.at if kept is None else some.at.take(cells(kept, np.int64))
+        if self.first is None and len(at):
+            self.first = at.at(0)
         earlier, spots = self._well, {row: at.at(row) for row in set(last) if row >= 0}
         self._well = [spots.get(row, known) for row, known in zip(last, earlier, strict=True)]
+        if self.learned is None and learned >= 0:
+            self.learned = at.at(learned)
         if off is None:
             return ComparedReports(np.zeros(len(at), bool), _NONE, earlier, _NONE, _NONE, _NONE, at)
         differs, well, shares = off

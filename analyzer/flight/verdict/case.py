@@ -23,6 +23,8 @@ _NEARLY_ALL = 98  # percent
 _MOSTLY = 0.9
 _PAUSES = 5  # of reports in the mean, after which somebody is gone
 _SILENT = frozenset({"silence", "commands stop"})
+_COMPARED = frozenset({"rpm", "voltage", "current"})
+_ANEW = frozenset({"restart", "power-up"})
 Node = tuple[int, int]  # bus, node
 ROLES = (
     ("ArmingStatus", "autopilot"),
@@ -58,13 +60,15 @@ class FlightCase:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
+        self._learned = witness.learned
         self._commands, self.supply, self.setups = witness.command_types, witness.supply, witness.setups
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
-        telling = [one for one in witness.escs if one.last >= self.start and one.first <= border]
+        alive = self.start - lasting("lost")  # who falls silent just then flew, too
+        telling = [one for one in witness.escs if one.last >= alive and one.first <= border]
         self.escs: list[EscExtent] = telling
-        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < self.start]
+        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < alive]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
@@ -75,9 +79,38 @@ class FlightCase:
         self.joint = self._joint_losses()
 
     @property
+    def tips(self) -> bool:
+        """True if control was lost as soon as the motors turned: no motor has shown what it does at a command."""
+        lost = self.excursion
+        return lost is not None and lost.start - self.start <= lasting("tip") and self.takes_off
+
+    @property
+    def takes_off(self) -> bool:
+        """True if the recording shows motors that do not turn yet, of half of the ESCs at least."""
+        still = {(one.bus, one.node) for one in self.escs if one.first < self.start}
+        return 2 * len(still) >= len(self.esc_nodes)
+
+    def unlearned(self, at: int) -> list[Node]:
+        """Return the ESCs that could be held against their past, and had none by some time, or one that was wrong.
+
+        A past is wrong that says of a motor that flies that it is off.
+        """
+        told = {(one.bus, one.node) for one in self.escs if set(one.ranges) >= _COMPARED}
+        off = {
+            (one.bus, one.node) for one in self.events
+            if one.kind == "motor" and one.first.ran < at and (one.after is None or one.after.ran > at)
+        }  # fmt: skip
+        return sorted(node for node in told if node in off or (since := self._learned(*node)) is None or since > at)
+
+    @property
+    def standing(self) -> list[FlightEvent]:
+        """The events from before the flight that went on in it."""
+        return [one for one in self.before if one.after is None or one.after.ran > self.start]
+
+    @property
     def measured(self) -> bool:
         """True if every ESC tells what its motor is held against its past by."""
-        return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
+        return all(set(one.ranges) >= _COMPARED for one in self.escs)
 
     @property
     def unheard(self) -> list[int]:
@@ -186,12 +219,16 @@ class FlightCase:
     def in_joint_loss(self, event: FlightEvent) -> bool:
         """Return whether an event lies in a time in which the recorder lost frames of everybody.
 
-        Who is silent for longer than everybody is so outside of it, too.
+        Who is silent for longer than everybody is so outside of it, too; and what goes on behind it is no less true for
+        having begun in it. So is it that a device started anew, whoever missed the moment.
         """
         low, high = self.span(event)
-        if event.kind not in _SILENT:
-            return any(low <= stop and high >= start for start, stop in self.joint)
         until = self.border if event.after is None else event.after.ran
+        if event.kind in _ANEW:
+            return False
+        if event.kind not in _SILENT:
+            inside = [stop for start, stop in self.joint if low <= stop and high >= start]
+            return bool(inside) and until <= max(inside) + lasting("motor_window")
         joint = sum(max(0, min(until, stop) - max(low, start)) for start, stop in self.joint)
         usual = max(
             (one.usual for one in self.paces if (one.bus, one.node, one.type) == (event.bus, event.node, event.type)),
@@ -229,7 +266,7 @@ class FlightCase:
     def _swings(self) -> list[Excursion]:
         """Return the times that commands went apart; the last one may never have calmed down."""
         found: list[Excursion] = []
-        for one in self.events:
+        for one in (*self.standing, *self.events):
             if one.kind != "spread" or (found and (found[-1].again is None or one.first.ran <= found[-1].again)):
                 continue
             start = self._onset(one.first.ran)
@@ -254,7 +291,8 @@ class FlightCase:
         while step + need <= self.stop:
             above = self.pulse.first_above(self.calm_limit, step, step + need)
             if above is None:
-                return step
+                off = self.pulse.mean(step, step + need).min(initial=100) <= threshold("command_idle_percent")
+                return None if off else step  # nobody steers who commands nothing
             step = above + STEP
         return None
 

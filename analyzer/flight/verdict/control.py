@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.thresholds import threshold
 from analyzer.flight.verdict.model import Verdict
 from dissectors.times import SECOND
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.case import Excursion, FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
-_TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
+_TIPPED = "it tipped over at take-off, and no ESC says why: a motor, propeller, index or setting is wrong"
 
 
 def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) -> Verdict:
@@ -32,9 +32,11 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
     escs = len(case.esc_nodes)
     told = any(one.kind == "fault" and one.first.ran < lost.start for one in case.events)
     without = "" if case.bitless() or told else "without a fault bit "
-    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey {without}{healthy}" if escs else "no ESC reports")
+    fine = "go on reporting" if case.tips else "obey"
+    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs {fine} {without}{healthy}" if escs else "no ESC reports")
     t = event.first.t - max(0, event.first.ran - lost.start)
-    if lost.start - case.start <= lasting("tip"):
+    gone = [case.name(node) for node in case.gone(lost.stop)]
+    if case.tips and not case.unheard and not gone:
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
         took = max(0.1, (lost.start - case.start) / SECOND)
         reasons.append(f"it tips over within {took:.1f} s of the motors turning")
@@ -46,7 +48,6 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
             "setup", _TIPPED, "possible", event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
             ("no report says so; a broken airframe or sensor looks alike",),
         )  # fmt: skip
-    gone = [case.name(node) for node in case.gone(lost.stop)]
     if case.unheard or gone:
         which = _commanded(case.unheard) if escs else "no ESC reports"
         if gone:
@@ -59,9 +60,29 @@ def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) ->
                 ("would tell", "a recording of all buses with the reports of all ESCs; the autopilot's own log"),
             ),
         )  # fmt: skip
+    if unlearned := case.unlearned(lost.start):
+        return _unseen(case, lost, reasons[0], [case.name(node) for node in unlearned])
     return Verdict(
         "control", "not an ESC: control was lost first", "likely", event.bus, None, None, (), t, event.first.t,
         event.first.frame, tuple(reasons), (),
+    )  # fmt: skip
+
+
+def _unseen(case: FlightCase, lost: Excursion, seen: str, escs: Sequence[str]) -> Verdict:
+    """Return that control was lost before anybody could know whether the ESCs obey."""
+    event = lost.event
+    if case.takes_off:
+        title = "cannot tell: control was lost before each motor had shown what it does at a command"
+    else:
+        title = "cannot tell: the recording begins in flight, and control was lost before motors can be compared"
+    return Verdict(
+        "unknown", title, "possible", event.bus, None, None, (), event.first.t - max(0, event.first.ran - lost.start),
+        event.first.t, event.first.frame, notes=(
+            ("seen", seen),
+            ("unknown", f"whether {' '.join(escs)} obeyed: too few calm reports before, or off since then"),
+            ("fits", "a motor, propeller or ESC whose report says nothing; or airframe, sensors, filter, pilot"),
+            ("would tell", "reports more often, or from before; the autopilot's own log"),
+        ),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.flight.motors.events import UNDRIVEN, UNLOADED
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.verdict.outages import Outages, began_anew
 from analyzer.flight.verdict.trouble import by_node, counts, harmless, made, text, together
 from dissectors.times import SECOND
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _FAILS = ("motor", "electronics", "failed")  # signs by which an ESC says so
 _WARNINGS = ("heat", "current", "supply")  # signs that speak for a failure, and are none
+_AWAY = frozenset({"silence", "restart", "power-up"})
 _PAUSE_MS = 100  # in commands, that an ESC does not mind
 
 
@@ -30,26 +32,36 @@ def esc_troubles(case: FlightCase) -> Iterator[Trouble]:
         if (one.kind in {"fault", "motor"} or (one.kind == "mode" and one.sign)) and counts(case, one)
         and not (doubtful and _partly(one))
     ]  # fmt: skip
-    quiet = [one for one in case.events if one.kind in {"silence", "restart"} and not case.in_joint_loss(one)]
+    if case.tips:  # what an ESC says since before take-off is why it tips over
+        telling += [one for one in case.standing if one.kind == "fault" and one.sign in {*_FAILS, "uncommanded"}]
+    quiet = [one for one in case.events if one.kind in _AWAY and not case.in_joint_loss(one)]
     everybody = together(case, [one for one in telling if one.sign == "uncommanded"])
-    gone = together(case, quiet)
+    outages = Outages(case)
+    swept = outages.together
+    gone = swept or together(case, [one for one in quiet if one.kind != "power-up"])
     for node, events in by_node(sorted((*telling, *quiet), key=lambda one: one.first.ran)).items():
         if node not in case.esc_nodes:
             continue
         signs = [one for one in events if one.kind in {"fault", "motor", "mode"}]
         lost = [one for one in signs if one.sign == "uncommanded"]
         own = [one for one in signs if one.sign in _FAILS or one.kind == "motor"]
-        off = [one for one in events if one.kind in {"silence", "restart"}]
+        off = [one for one in events if one.kind in _AWAY]
         if lost and not everybody and _commanded(case, lost[0]):
             yield made("wiring", "says that it got no commands, though the bus carried them", lost + own, 1, [
                 f"{text(lost[0])}; commands at {_rate(case, lost[0]):.0f}/s all the time",
                 "the others say nothing of that: its wire, its receive filter or its firmware",
             ])  # fmt: skip
             own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]
-        away = _quiet(case, node, off) if off and not gone else None
+        if swept:
+            since = min((one.low for one in outages.all if one.node == node), default=case.border)
+            own = [
+                one for one in own
+                if one.first.ran < outages.all[0].high and (one.sign != UNDRIVEN or one.first.ran <= since)
+            ]  # fmt: skip
+        away = _quiet(case, node, off, own) if off and not gone else None
         if away is not None:
             yield away
-            own = [one for one in own if one.first.ran < away.high]
+            own = [one for one in own if one.first.ran < away.high and one not in away.events]
         if own and not everybody:
             warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
             now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
@@ -138,8 +150,8 @@ def _heat(case: FlightCase, one: FlightEvent) -> tuple[bool, list[str]]:
     return hotter, [f"{word} than the others: {mine:.0f} C at most, they {max(hot.values()):.0f} C"]
 
 
-def _quiet(case: FlightCase, node: Node, off: list[FlightEvent]) -> Trouble | None:
-    """Return an ESC that stops reporting: for good, with holes, or to start anew."""
+def _quiet(case: FlightCase, node: Node, off: list[FlightEvent], own: list[FlightEvent]) -> Trouble | None:
+    """Return an ESC that stops reporting: for good, with holes, or to start anew; `own` is what its motor did."""
     restarts = [one for one in off if one.kind == "restart"]
     silent = [
         one for one in off if one.kind == "silence" and (one.after is None or not case.others_lost(node, one))
@@ -165,9 +177,14 @@ def _quiet(case: FlightCase, node: Node, off: list[FlightEvent]) -> Trouble | No
         times = "once" if len(silent) == 1 else f"{len(silent)} times"
         lengths = sorted(one.values["silent_s"] for one in silent)
         span = f"{1000 * lengths[0]:.0f} ms" + (f" to {1000 * lengths[-1]:.0f} ms" if len(silent) > 1 else "")
-        if jumps:
+        end = silent[-1].after or silent[-1].first
+        torn = case.losses.broken(case.span(silent[0])[0], end.ran, [node])
+        torn = torn if torn >= threshold("cut_off_missing") else 0
+        if jumps or torn:
             title = f"stopped reporting {times}: its plug or its wire"
-            reasons.append(f"silent {times}, {span}; behind {jumps} of them its transfer IDs jump: it went on sending")
+            sent = [f"behind {jumps} of them its transfer IDs jump"] if jumps else []
+            sent += [f"{torn} broken transfers of it about then"] if torn else []
+            reasons.append(f"silent {times}, {span}; {', '.join(sent)}: it went on sending")
         else:
             title = f"stopped reporting {times}: it did not send"
             reasons.append(f"silent {times}, {span}; its transfer IDs run on: it did not send, so it was not the wire")
@@ -176,6 +193,12 @@ def _quiet(case: FlightCase, node: Node, off: list[FlightEvent]) -> Trouble | No
     found = made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
     if kind == "wiring" and not restarts:
         found.begin(case.losses.since(node, begin[0].first), case.period(*node))
+    if restarts and (restarts[0].before or restarts[0].first).ran <= found.high:
+        # What is not driven for a moment because its ESC starts anew tells that moment, and nothing else.
+        same = [one for one in off if one.kind == "power-up"] + [one for one in own if one.sign == UNDRIVEN]
+        since, first = began_anew(case, restarts[0], [*silent, *same])
+        found.events += [one for one in same if since <= one.first.ran and case.span(one)[0] <= restarts[0].first.ran]
+        found.begin(first.first, first.first.ran - since)
     if others:
         missing = case.losses.missing(low, high, others)
         line = f"the others: {missing} transfer IDs missing in that time"

@@ -14,6 +14,7 @@ from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.logged import Logged
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
+from analyzer.flight.verdict.outages import Outages
 from analyzer.flight.verdict.said import Onset
 from analyzer.flight.verdict.troubles import troubles
 from dissectors.records import dataclass, replace
@@ -39,11 +40,13 @@ _DISORDER = "cannot tell: parts of the recording are in the wrong order"
 _IN_ORDER = "the parts as files of their own: several are read in the order of their times (tailbyte a.log b.log)"
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
+_STOOD = ("fits", "it hit something; or what these motors share failed: an arm, a wire, a supply")
 _BENCH = ("bench", "motors are driven one by one: nothing flew, so commands tell nothing of an attitude")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
 _SIGNS = frozenset({"fault", "motor", "sag", "spread", "silence", "errors"})
+_WITHOUT_POWER = frozenset({"silence", "restart", "power-up"})
 _ORDINARY = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 
@@ -132,9 +135,10 @@ def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
     hit = _impact(found)
     if hit is not None and (lost is None or hit <= lost.start):
         lost = None  # what goes apart behind it is thrown about
+        stood = [one for one in found if one.stands]
         found = [one for one in found if one.high < hit or one.kind in _STATES]
         if not found:
-            return [_nothing(case, "nothing wrong seen on this bus until it hit something")]
+            return [_until(case, next(one for one in stood if one.high >= hit))]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [lost_control(case, lost, found), *(_verdict(case, one) for one in before)]
@@ -151,6 +155,8 @@ def _ordered(case: FlightCase, before: list[Trouble]) -> list[Verdict]:
     shown = [_verdict(case, one) for one in before]
     if first.kind in _NEED_CALM and not case.commanded:
         return [_unordered(case, first), *shown]
+    if _powerless(first) and (count := Outages(case).soon_after(first.high)):
+        return [_swept(shown[0], count), *shown]
     unrest = case.unrest(first.low) if first.kind in _WHOLE else None
     slack = min(2 * case.period(first.bus, first.node), lasting("seen_with"))
     late = lost is not None and first.high > lost.stop + slack
@@ -159,9 +165,17 @@ def _ordered(case: FlightCase, before: list[Trouble]) -> list[Verdict]:
     return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
 
 
-def _nothing(case: FlightCase, title: str) -> Verdict:
-    notes = [*([_BENCH] if case.one_by_one else []), *could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
-    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
+def _nothing(case: FlightCase, title: str, notes: Sequence[tuple[str, str]] = ()) -> Verdict:
+    bench, bare = [_BENCH] if case.one_by_one else [], [] if case.esc_nodes else [_NO_ESC]
+    told = [*notes, *bench, *could_not_see(case), *bare]
+    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=told)
+
+
+def _until(case: FlightCase, first: Trouble) -> Verdict:
+    """Return that nothing was wrong until several rotors stood at once, the `first` of them."""
+    found = _nothing(case, "nothing wrong seen on this bus until several rotors stood at once", [_STOOD])
+    t, t_end, frame = first.seen
+    return replace(found, t=t, t_end=t_end, frame=frame)
 
 
 def _impact(found: list[Trouble]) -> int | None:
@@ -212,6 +226,24 @@ def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
     )  # fmt: skip
 
 
+def _powerless(one: Trouble) -> bool:
+    """Return whether an ESC alone may have been without power."""
+    return one.kind == "wiring" and one.first is not None and one.first.kind in _WITHOUT_POWER
+
+
+def _swept(shown: Verdict, count: int) -> Verdict:
+    """Return that nobody can tell: one ESC was without power, and nearly all others so soon after it."""
+    return Verdict(
+        "unknown", "cannot tell: one ESC was without power first, and soon nearly all of them", _POSSIBLE, shown.bus,
+        None, None, (), shown.t, shown.t_end, shown.frame, notes=(
+            ("seen", f"{shown.title} ({shown.kind})"),
+            ("but", f"{count} ESCs are so within {lasting('follows') / SECOND:.1f} s, one after the other"),
+            ("fits", "the supply of all of them; or that one alone, and a vehicle that came down with it"),
+            ("would tell", "a power module on the bus; the autopilot's own log: voltage, height and attitude"),
+        ),
+    )  # fmt: skip
+
+
 def _unordered(case: FlightCase, one: Trouble) -> Verdict:
     """Return that nobody can tell: commands are the sensor of attitude, and none are recorded."""
     shown = _verdict(case, one)
@@ -238,9 +270,8 @@ def _verdict(case: FlightCase, one: Trouble) -> Verdict:
             against.append("the reports are too slow to say whether it came before the commands went apart")
             support = _LIKELY if support == _WELL else _POSSIBLE
         elif lost is not None:
-            reasons.append(
-                f"commands were calm until then, and went apart {(lost.start - one.high) / SECOND:.2f} s later"
-            )
+            apart = next((swing.start for swing in case.swings if swing.start >= one.high), lost.start)
+            reasons.append(f"commands were calm until then, and went apart {(apart - one.high) / SECOND:.2f} s later")
         elif case.commanded and case.unrest(one.low) is None:
             reasons.append("commands were calm until then")
     return Verdict(

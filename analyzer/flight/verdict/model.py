@@ -19,6 +19,9 @@ Support = Literal["well supported", "likely", "possible"]
 SUPPORTS: tuple[Support, Support, Support] = ("well supported", "likely", "possible")
 
 
+_RECORDER = frozenset({"gap", "clock", "loss"})  # events that are none of the vehicle
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """A cause of some kind (a page of `explain`), of whom, between `t` and `t_end`, and how well it is supported.
@@ -117,3 +120,13 @@ class Triage:
     def first(self) -> Verdict:
         """The verdict of the screen."""
         return self.verdicts[0]
+
+    @property
+    def well(self) -> bool:
+        """True if a flight was judged, and nothing wrong was seen in it to its end."""
+        return self.first.kind == "none" and not self.judged and not self.wrong
+
+    @property
+    def wrong(self) -> bool:
+        """True if something wrong was seen in a flight, whether or not anybody can tell its cause."""
+        return self.first.told or bool(self.primary) or any(one.kind not in _RECORDER for one in self.after)

@@ -6,7 +6,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting, threshold
-from analyzer.flight.verdict.trouble import made, together, within
+from analyzer.flight.verdict.outages import Outages
+from analyzer.flight.verdict.trouble import made, within
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -19,21 +20,9 @@ if TYPE_CHECKING:
 
 def supply_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield a supply that fails: all ESCs away at once, or voltages that no current explains."""
-    silent = [
-        one for one in case.events if one.kind == "silence" and one.after is None and not case.in_joint_loss(one)
-    ]  # fmt: skip
-    going_on = [
-        one
-        for one in case.paces
-        if (one.bus, one.node) not in case.esc_nodes and one.last >= case.border - lasting("silence_after")
-    ]
-    if together(case, silent) and going_on:
-        nodes = sorted(case.esc_nodes)
-        mine = [one for one in silent if (one.bus, one.node) in case.esc_nodes]
-        yield made("battery", "all ESCs lost their supply together", mine, 0, [
-            f"{len(nodes)} ESCs fall silent within {within(mine)}, and stay so",
-            f"{len({(one.bus, one.node) for one in going_on})} other nodes go on",
-        ], whole=True)  # fmt: skip
+    away = Outages(case)
+    if away.together:
+        yield _outage(case, away)
     sags = [
         one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and unexplained(one)
     ]  # fmt: skip
@@ -67,6 +56,24 @@ def supply_troubles(case: FlightCase) -> Iterator[Trouble]:
         trouble.possible = True
         trouble.against.append(f"it took {took / SECOND:.1f} s to be seen: a pack that is empty looks alike")
     yield trouble
+
+
+def _outage(case: FlightCase, away: Outages) -> Trouble:
+    """Return that ESCs were without a supply at the same time."""
+    mine, anew = [one.event for one in away.all], sum(one.anew for one in away.all)
+    count, every = len(mine), len(case.esc_nodes)
+    some = "all ESCs" if count == every else f"{count} of {every} ESCs"
+    when = f"within {within(mine)}"
+    if not anew:
+        title, told = "lost their supply together", f"{count} ESCs fall silent {when}, and stay so"
+    elif anew == count:
+        title, told = "restarted together: their supply was away", f"{count} ESCs start anew {when}"
+    else:
+        title = "lost their supply together"
+        told = f"{count} ESCs are away {when}; {anew} of them start anew, the others stay silent"
+    others = len(away.going_on)
+    on = [f"{others} other node{'s' * (others != 1)} go{'es' * (others == 1)} on"] if others else []
+    return made("battery", f"{some} {title}", mine, 0, [told, *on], whole=True)
 
 
 def unexplained(one: FlightEvent) -> bool:

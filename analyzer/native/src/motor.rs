@@ -102,7 +102,8 @@ pub const WELL: usize = 5;
 /// Reports beside their past, a row each: `off` are those that differ.
 ///
 /// `before` are the rows of the last reports before each that were well, -1 for none of these, and `well` those of the
-/// last ones of all; shares of speed and current are of what they were at such a command, `reported` of what is commanded.
+/// last ones of all, `learned` that of the first one that is well by its past, -1 for none; shares of speed and current are
+/// of what they were at such a command, `reported` of what is commanded.
 #[derive(Debug, PartialEq)]
 pub struct Compared {
     pub off: Vec<u8>,
@@ -111,6 +112,7 @@ pub struct Compared {
     pub current: Vec<f64>,
     pub reported: Vec<f64>,
     pub well: [i64; WELL],
+    pub learned: i64,
 }
 
 /// A report beside what it should be.
@@ -178,6 +180,7 @@ impl Watch {
             current: Vec::with_capacity(count),
             reported: Vec::with_capacity(count),
             well: [-1; WELL],
+            learned: -1,
         };
         for row in 0..count {
             self.compare(reports, row, &reports.ordered(row), &mut found);
@@ -208,12 +211,12 @@ impl Watch {
         found.before.push(found.well);
         let reported = reports.reported[row] / ordered.last;
         let given = self.rising(ordered) && ordered.last > self.limits.steady_percent && reported >= self.limits.given;
-        for (well, so) in
-            found
-                .well
-                .iter_mut()
-                .zip([good && !off, beside.turning, given, beside.loaded, beside.drawing])
-        {
+        let by_past = [good && !off, beside.turning, beside.loaded, beside.drawing];
+        if found.learned < 0 && by_past.contains(&true) {
+            found.learned = row as i64;
+        }
+        let [good, turning, loaded, drawing] = by_past;
+        for (well, so) in found.well.iter_mut().zip([good, turning, given, loaded, drawing]) {
             if so {
                 *well = row as i64;
             }

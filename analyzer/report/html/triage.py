@@ -32,7 +32,7 @@ def section(found: Triage, number: int = 1) -> dict[str, Any]:
         "first": one,
         "captures": list(found.captures),
         "span": words.span(found),
-        "tone": "bad" if one.told else "good" if one.kind == "none" and not found.judged else "open",
+        "tone": "bad" if one.told else "good" if found.well else "open",
         "support": one.support if one.told else "",
         "when": words.when(one),
         "parts": [(label, texts) for label, texts in _parts(found, words) if texts],

@@ -76,8 +76,9 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            stopped = found.flight.end == "landed" and found.first.kind != "none"  # that may have been no landing
-            flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
+            stopped = found.flight.end == "landed" and not found.well  # that may have been no landing
+            how = found.flight.end if not stopped else "motors stopped" if count == 1 else "stopped"
+            flights += f", {'last: ' if count > 1 else ''}{how}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
         if display_width(name) + display_width(behind) > self._width:
@@ -88,7 +89,7 @@ class _Screen:
             yield from self._row(label, text)
 
     def _verdict(self, one: Verdict, label: str) -> Iterator[str]:
-        style = "bad" if one.told else "good" if one.kind == "none" and not self._found.judged else "note"
+        style = "bad" if one.told else "good" if self._found.well else "note"
         text = escape(one.title)
         support = one.support if one.told else "" if self._found.judged or one.kind != "none" else '(not "healthy")'
         room = self._width - len(label) - 2

@@ -43,8 +43,9 @@ pub struct Given {
 /// Which reports are off, the last ones before each that were well, each in so many ways, shares of speed, current and
 /// command.
 type Off<'py> = (Column<'py>, Column<'py>, (Column<'py>, Column<'py>, Column<'py>));
-/// The rows that count, None for all; what is off, None for nothing; the last ones of them that were well.
-type Compared<'py> = (Option<Column<'py>>, Option<Off<'py>>, [i64; WELL]);
+/// The rows that count, None for all; what is off, None for nothing; the last ones of them that were well, and the first
+/// one that was so by its past.
+type Compared<'py> = (Option<Column<'py>>, Option<Off<'py>>, [i64; WELL], i64);
 
 /// Follows one ESC.
 #[pyclass]
@@ -100,7 +101,7 @@ impl MotorWatch {
         let found = found.ok_or_else(unfit)?;
         let kept = (!whole).then(|| Cells::own(py, kept.iter().map(|&row| row as i64).collect()));
         if found.off.iter().all(|&off| off == 0) {
-            return Ok((kept.transpose()?, None, found.well));
+            return Ok((kept.transpose()?, None, found.well, found.learned));
         }
         let shares = (
             Cells::own(py, found.speed)?,
@@ -109,7 +110,7 @@ impl MotorWatch {
         );
         let before = Cells::own(py, found.before.into_flattened())?;
         let off = (Cells::own(py, found.off)?, before, shares);
-        Ok((kept.transpose()?, Some(off), found.well))
+        Ok((kept.transpose()?, Some(off), found.well, found.learned))
     }
 }
 

@@ -103,6 +103,7 @@ impl Flight {
             current: vec![],
             reported: vec![],
             well: [-1; WELL],
+            learned: -1,
         };
         let mut start = 0;
         for &stop in cuts {
@@ -127,6 +128,9 @@ impl Flight {
             };
             all.before.extend(found.before.iter().map(|&rows| behind(rows)));
             all.well = behind(found.well);
+            if all.learned < 0 && found.learned >= 0 {
+                all.learned = found.learned + start as i64;
+            }
             all.off.extend(found.off);
             all.speed.extend(found.speed);
             all.current.extend(found.current);
@@ -153,8 +157,8 @@ fn any_cut_gives_the_same() {
         cuts.sort_unstable();
         let cut = flight.compared(&cuts);
         assert_eq!(
-            (&whole.off, &whole.before, whole.well),
-            (&cut.off, &cut.before, cut.well)
+            (&whole.off, &whole.before, whole.well, whole.learned),
+            (&cut.off, &cut.before, cut.well, cut.learned)
         );
         assert!(same(&whole.speed, &cut.speed) && same(&whole.current, &cut.current));
     }
