@@ -123,23 +123,23 @@ class BrowserBase(App[None]):
             share = rows.share
             where += "" if rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
             if rows.problem is not None:
-                where = f"the filter failed: {rows.problem}"
+                where = f"the filter failed: {escape(str(rows.problem))}"
         if order is not None:
             way = "falling" if order.falling else "rising"
             where = f"{order.name} {way}{'' if order.done else ' ...'}  {where}"
             if order.problem is not None:
-                where = f"it cannot be sorted: {order.problem}"
+                where = f"it cannot be sorted: {escape(str(order.problem))}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
         right = f" {place}{where} "
         filtered = f" = {view.filter}" if view.filter else " = (no filter)"
         if self.awaited:
             filtered = f" = {self.awaited} (once it is judged)"
-        left = padded(fit(filtered, max(4, width - len(right))), width - len(right))
+        left = padded(fit(escape(filtered), max(4, width - len(right))), width - len(right))
         return (left, NAMED["good" if view.filter else "dim"]), (fit(right, width), NAMED[""])
 
     def say(self, text: str, style: str = "") -> None:
-        """Show a line in place of the keys until the next key."""
-        self.said, self.said_style = " ".join(text.split("\n")), style
+        """Show a line in place of the keys until the next key; what came from a capture may stand in it."""
+        self.said, self.said_style = escape(" ".join(text.split("\n"))), style
         self.draw_lines()
 
     def forget_said(self) -> None:
