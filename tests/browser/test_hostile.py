@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 EVIL = "\x1b[2J\x1b]52;c;aGFjaw==\x07\r\n\u202eevil\x9b31m [bold]x"
 KEYS = (
     "right_parenthesis", "M", "escape", "tab", "down", "enter", "escape", "y", "d", "y", "v", "f", "n", "a", "P", "s",
-    "escape", "i", "S", "c", "E", "space", "escape", "2", "down", "3", "down", "4", "5", "6", "enter", "7", "1", "escape",
+    "escape", "i", "S", "c", "E", "space", "escape", "2", "down", "3", "down", "4", "5", "6", "enter", "7", "1",
 )  # fmt: skip
 
 
