@@ -9,7 +9,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from kit.command import CAPTURES, HOVER
-from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+from kit.fleets import GOOD, QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
 import analyzer.fleet
 from analyzer.cli.fleet.work import _Progress
@@ -239,6 +239,21 @@ def test_a_pattern_that_fits_nothing_is_told(logs, tmp_path, command):  # noqa: 
     arguments = ["fleet", "check", logs / "v0_*.gz", "-o", tmp_path / "results", "--workers", "0"]
     status, _, said = command(*arguments, "--name", "{vehicle}/{date}/*.mcap")
     assert (status, "tells the vehicle of none of 2 captures" in said) == (0, True), said
+
+
+def test_captures_that_a_pattern_does_not_fit_are_told(logs, tmp_path, command):  # noqa: F811
+    for number, folder in enumerate(("v1/2026-10-01", "v1", ".")):
+        place = tmp_path / "named" / folder
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "flight.log.gz").write_bytes((logs / f"v{number}_{GOOD[number]}.log.gz").read_bytes())
+    arguments = ["fleet", "check", tmp_path / "named", "-o", tmp_path / "results", "--workers", "0"]
+    name = "named/{vehicle}/{date}/*.gz"
+    _, _, said = command(*arguments, "--name", name)
+    assert f"--name {name!r} tells the vehicle of 1 of 3 captures, not of {tmp_path}/named/flight.log.gz\n" in said
+    name = "{vehicle}/{date}/*.gz"
+    _, _, said = command(*arguments, "--name", name)
+    odd = f"{tmp_path}/named/flight.log.gz, of vehicle {tmp_path.name}"
+    assert f"--name {name!r} finds no day in 2 of 3 captures, such as {odd}\n" in said
 
 
 def test_of_equal_captures_that_of_a_vehicle_counts(logs, tmp_path, command):  # noqa: F811

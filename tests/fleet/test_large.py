@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from kit.fleet_rows import Made
 
-from analyzer.fleet.report import text
+from analyzer.fleet.report import page, text
 from analyzer.fleet.report.build import build
 from analyzer.fleet.store import ResultStore
 
@@ -81,3 +81,33 @@ def test_a_new_vehicle_that_was_always_bad_is_not_worse(tmp_path):
     )  # fmt: skip
     assert report.since.worse == ()
     assert report.since.vehicles == 39
+
+
+@pytest.mark.parametrize("least", [1, 6])
+def test_too_few_flights_to_tell_now_from_then_are_refused(least, tmp_path):
+    store = ResultStore(str(tmp_path / "results"))
+    Made(vehicles=2, escs=4, days=2).into(store)
+    with pytest.raises(ValueError, match=rf"--flights {least}: at least 7"):
+        build(store, None, least)
+
+
+def test_seven_flights_tell_how_an_esc_was(tmp_path):
+    store = ResultStore(str(tmp_path / "results"))
+    warm = ("temperature_median", 1, 2)
+    Made(vehicles=4, days=7, other=lambda *esc: 20 * (esc[:3] == warm and esc[3] > 1)).into(store)
+    (one,) = build(store, None, 7).odd
+    assert (one.vehicle, one.ch, one.against, one.since) == ("v001", 3, "own past", "2026-09-03")
+
+
+def test_what_is_not_compared_is_told(tmp_path):
+    def firmware(vehicle):
+        return "2.5" if vehicle == 0 else "2.7"
+
+    few = report_of(tmp_path / "few", vehicles=2, escs=2, days=6, firmware=firmware, broken=lambda *_: 1.0)
+    some = report_of(tmp_path / "some", vehicles=4, escs=2, days=6, firmware=firmware, broken=lambda *_: 1.0)
+    for shown in (text.render(few), page.render(few)):
+        assert "othing is compared: no firmware has 10 flights" in shown
+        assert "annot tell: no flight after it" in shown
+        assert "breaks a rule" not in shown
+    assert "2.5: 6 flights (fewer than 10: not compared)" in text.render(some)
+    assert "2.7: 18 flights, 18 flight hours" in text.render(some)

@@ -84,10 +84,23 @@ def _settings(args: argparse.Namespace) -> FleetSettings:
 
 def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
     jobs = jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
-    if jobs and (args.name or args.names) and not any(job.vehicle for job in jobs):
-        wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
-        streams.complain(f"{wish} tells the vehicle of none of {len(jobs)} captures, such as {jobs[0].url}", NAME)
+    if args.name or args.names:
+        _tell_untold(args, jobs)
     return jobs
+
+
+def _tell_untold(args: argparse.Namespace, jobs: list[Job]) -> None:
+    """Complain of captures whose vehicle is not told, or of a day that is none: the name may fit the wrong folders."""
+    wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
+    nobody = [job for job in jobs if not job.vehicle]
+    if nobody:
+        known = len(jobs) - len(nobody)
+        whose = f"{known or 'none'} of {len(jobs)} captures, {'not of' if known else 'such as'} {nobody[0].url}"
+        streams.complain(f"{wish} tells the vehicle of {whose}", NAME)
+    dayless = [job for job in jobs if job.vehicle and not job.date] if "{date}" in (args.name or "") else []
+    if dayless:
+        one = f"{dayless[0].url}, of vehicle {dayless[0].vehicle}"
+        streams.complain(f"{wish} finds no day in {len(dayless)} of {len(jobs)} captures, such as {one}", NAME)
 
 
 def _choice(args: argparse.Namespace) -> ClusterChoice:

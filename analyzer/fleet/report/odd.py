@@ -45,6 +45,7 @@ _FEWEST_ESCS = 8  # of a firmware, among which one may be odd
 _SIGMAS = 4.0  # of an ESC's flights: less is what flights differ by
 _STRONG = 6.0
 _LASTING = 0.75  # of the flights that say how it is now: a few odd ones at the right place are no change
+_BEFORE = 2  # flights at least that say how it was
 _NOW = 5  # flights that say how it is now, or a fifth if that is more
 
 
@@ -60,7 +61,12 @@ class FlightSeries(NamedTuple):
 
 
 def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[EscOutlier], int]:
-    """Return those that are odd, the worst first, and how many series were tested; `least` flights each."""
+    """Return those that are odd, the worst first, and how many series were tested; `least` flights each.
+
+    Raises `ValueError` for so few of them that now and then would be the same flights.
+    """
+    if least < _BEFORE + _NOW:
+        raise ValueError(f"--flights {least}: at least {_BEFORE + _NOW}, to tell how an ESC is from how it was")
     found: list[EscOutlier] = []
     tested = 0
     for quantity in QUANTITIES:
@@ -110,7 +116,7 @@ def _changed(series: list[FlightSeries], quantity: ComparedQuantity) -> list[Esc
 
 def _now_and_past(values: Array) -> tuple[Array, Array]:
     """Return the flights that say how it is, and how it was."""
-    return values[-max(_NOW, len(values) // 5) :], values[: len(values) // 3]
+    return values[-max(_NOW, len(values) // 5) :], values[: max(_BEFORE, len(values) // 3)]
 
 
 def _unlike(series: list[FlightSeries], quantity: ComparedQuantity) -> list[EscOutlier]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
+from analyzer.fleet.report.rates import FEWEST
 from analyzer.views.terminal import display_width, escape, fit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst
+    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst, SinceThen
 
 _MOST = 5  # rows of a table on the screen
 _NAME = 24  # columns of a name in a sentence
@@ -159,7 +160,11 @@ def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str
         return
     uses = sorted(report.software, key=lambda one: -one.hours)[:most]
     for one in uses:
-        yield f" {escape(one.software)}: {_of(one.flights, 'flight')}, {_hours(one.hours)}, {some_names(one.vehicles)}"
+        flights = _of(one.flights, "flight") + (
+            "" if one.flights >= FEWEST else f" (fewer than {FEWEST}: not compared)"
+        )
+        use = f" {escape(one.software)}: {flights}, {_hours(one.hours)}, {some_names(one.vehicles)}"
+        yield from wrap(use, width, subsequent_indent="   ")
     if most is not None and len(report.software) > most:
         yield f" and {len(report.software) - most} more: --by software"
     rules = _by_weight(report)
@@ -185,9 +190,15 @@ def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str
                     subsequent_indent="   ",
                 )
     if not rules:
-        yield " no ESC breaks a rule"
+        yield f" {no_rates(report)}"
     elif most is not None and len(rules) > most:
         yield f" and {len(rules) - most} rules more: --by software"
+
+
+def no_rates(report: FleetReport) -> str:
+    """Return why there are no rates of rules."""
+    compared = any(one.flights >= FEWEST for one in report.software)
+    return "no ESC breaks a rule" if compared else f"nothing is compared: no firmware has {FEWEST} flights"
 
 
 def _by_weight(report: FleetReport) -> list[str]:
@@ -215,9 +226,7 @@ def _since(report: FleetReport, width: int) -> Iterator[str]:
         yield "Worse since ...   --since 7d, or a day"
         return
     if not then.vehicles:
-        which = "vehicle flew before and after it" if then.hours_before and then.hours_after else "flight"
-        which += "" if then.hours_before and then.hours_after else f" {'before' if then.hours_after else 'after'} it"
-        yield f"Worse since {then.day}   cannot tell: no {which}"
+        yield f"Worse since {then.day}   {not_told(then)}"
         return
     yield f"Worse since {then.day}   {'' if then.worse else 'nothing'}".rstrip()
     for one in then.worse:
@@ -227,6 +236,13 @@ def _since(report: FleetReport, width: int) -> Iterator[str]:
         yield from wrap(
             f"growth that would have been seen: {', '.join(grown)}", width, initial_indent=" ", subsequent_indent="  "
         )
+
+
+def not_told(then: SinceThen) -> str:
+    """Return why nothing can be said of a day of which no vehicle tells both sides."""
+    if then.hours_before and then.hours_after:
+        return "cannot tell: no vehicle flew before and after it"
+    return f"cannot tell: no flight {'before' if then.hours_after else 'after'} it"
 
 
 def _of(count: int, what: str) -> str:
