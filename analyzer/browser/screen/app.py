@@ -181,7 +181,7 @@ class Browser(Pressing):
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(help_page())
+        self.open_page(help_page())
 
     def _fatal_error(self) -> None:
         """End with a line in place of the traceback that Textual would print."""

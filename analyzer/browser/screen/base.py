@@ -16,6 +16,7 @@ from analyzer.browser.screen.detail_pane import DetailPane
 from analyzer.browser.screen.keys import hints
 from analyzer.browser.screen.lines import Lines, padded
 from analyzer.browser.screen.list_pane import PacketList
+from analyzer.browser.screen.pages.page import ScreenPage
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
@@ -141,6 +142,11 @@ class BrowserBase(App[None]):
         """Show a line in place of the keys until the next key; what came from a capture may stand in it."""
         self.said, self.said_style = escape(" ".join(text.split("\n"))), style
         self.draw_lines()
+
+    def open_page(self, page: ScreenPage) -> None:
+        """Show a page before the panes; a click that came late opens no second one before it."""
+        if not isinstance(self.screen, ScreenPage):
+            self.push_screen(page)
 
     def forget_said(self) -> None:
         """Show the keys again."""

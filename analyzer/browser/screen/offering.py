@@ -45,7 +45,7 @@ class Offering(Asking):
         if not entries:
             self.fail("nothing is selected that something can be done with")
             return
-        self.push_screen(MenuPage(self._menu_title(), entries))
+        self.open_page(MenuPage(self._menu_title(), entries))
 
     def _menu_title(self) -> str:
         if self.tab != TABS[0]:
