@@ -156,7 +156,8 @@ class Monitor(App[None]):
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(Help())
+        if not isinstance(self.screen, Help):
+            self.push_screen(Help())
 
     def action_redraw(self) -> None:
         """Draw everything anew: others may have written onto the terminal."""

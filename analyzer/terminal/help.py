@@ -55,6 +55,7 @@ class Help(ModalScreen[None]):
         )
 
     def on_key(self, event: Key) -> None:
-        """Go back to the monitor."""
+        """Go back to the monitor, once, however many keys come at once."""
         event.stop()
-        self.dismiss()
+        if self.app.screen is self:
+            self.dismiss()
