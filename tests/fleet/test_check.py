@@ -211,6 +211,16 @@ def test_small_captures_are_done_together(sizes, least, lengths):
         (["export", "captures", "-o", "x"], 2, "export needs a table"),
         (["export", "captures", "-o", "x", "--table", "ESCStatsu"], 2, "ESCStatus"),
         (["fly"], 2, "fly"),
+        (["check", HOVER, "-o", "x", "--html", "x.html"], 2, "--html is an option of report, not of check"),
+        (
+            ["export", HOVER, "-o", "x", "--table", "ESCStatus", "--vehicle", "x.toml"],
+            2,
+            "--vehicle is an option of check",
+        ),
+        (["report", "/nowhere", "--table", "ESCStatus"], 2, "--table is an option of export, not of report"),
+        (["status", "/nowhere", "--name", "{vehicle}"], 2, "--name is an option of check and export, not of status"),
+        (["check", HOVER, "-o", "x", "--scheduler", "tcp://x:1", "--workers", "2"], 2, "one of them"),
+        (["report", "/nowhere", "--html", "-", "--json", "-"], 2, "only one of --html and --json"),
         (["check", HOVER, "-o", "x", "--memory", "lots"], 2, "--memory 'lots' is no size, such as 2GiB"),
         (["check", HOVER, "-o", "x", "--memory", "150MiB"], 2, "at least 256MiB"),
     ],
@@ -305,3 +315,10 @@ def test_captures_of_vehicles_without_a_name_are_of_no_vehicle(tmp_path, command
     assert line.split()[:4] == ["TRF-003", "error", "1", "capture"]
     assert "0 vehicles" in shown
     assert "1 vehicle" not in shown
+
+
+def test_a_pattern_beside_others_that_names_nothing_is_told(logs, tmp_path, command):  # noqa: F811
+    arguments = ["fleet", "check", logs / "nope*", logs / "v0_*.gz", "-o", tmp_path / "results", "--workers", "0"]
+    status, _, said = command(*arguments)
+    assert (status, said.count("no capture")) == (0, 1)
+    assert f"{logs}/nope*: no capture\n" in said

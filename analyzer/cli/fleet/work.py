@@ -36,7 +36,7 @@ def check(args: argparse.Namespace) -> int:
     rules.criteria(settings.rules, dissectors.load(settings.dissectors, settings.trusted), NAME)
     jobs = _jobs(args, store.place, settings)
     if not jobs:
-        return _nothing(args)
+        return status.NOT_JUDGED
     choice, progress = _choice(args), _Progress()
     run = FleetRun(store, settings, Retries(args.attempts), progress)
     try:
@@ -62,7 +62,7 @@ def export(args: argparse.Namespace) -> int:
     goal = ExportGoal(ResultStore(args.output).place, tables, partitions)
     jobs = _jobs(args, goal.place, settings)
     if not jobs:
-        return _nothing(args)
+        return status.NOT_JUDGED
     choice, progress = _choice(args), _Progress()
     run = ExportRun(settings, Retries(args.attempts), goal, progress)
     try:
@@ -83,7 +83,8 @@ def _settings(args: argparse.Namespace) -> FleetSettings:
 
 
 def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
-    jobs = jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
+    found = listed(args.place, store, lambda pattern: streams.complain(f"{pattern}: no capture", NAME))
+    jobs = jobs_of(found, Provenance(args.name, args.names), settings.digest())
     if args.name or args.names:
         _tell_untold(args, jobs)
     return jobs
@@ -117,11 +118,6 @@ def _choice(args: argparse.Namespace) -> ClusterChoice:
                 f"--memory {args.memory}: a worker takes most of that before it reads anything; at least {LEAST_MEMORY}"
             )
     return ClusterChoice(args.scheduler, args.workers, args.memory)
-
-
-def _nothing(args: argparse.Namespace) -> int:
-    streams.complain(f"{' '.join(args.place)}: no capture", NAME)
-    return status.NOT_JUDGED
 
 
 def _status(counts: RunCounts) -> int:
