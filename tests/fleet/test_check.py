@@ -50,6 +50,34 @@ def test_everything_is_stored_once(checked, command):
     assert content(ResultStore(str(place))) == before
 
 
+def test_whose_a_capture_is_may_be_told_later(checked, logs, command):  # noqa: F811
+    place, arguments = checked
+    before = content(ResultStore(str(place)))
+    names = logs.parent / "names.csv"
+    names.write_text("url,vehicle,date\nv0_hover.log.gz,alpha,2026-01-02\nv4_control-lost.log.gz,beta,\n")
+    again = [*arguments[:5], "--names", names, "--workers", "0"]
+    status, _, said = command(*again)
+    assert (status, "10 done before" in said, "-- 10 of those done before are of another vehicle" in said) == (
+        0,
+        True,
+        True,
+    )
+    store = ResultStore(str(place))
+    told = dict(
+        store.connected().execute("select regexp_extract(url, '[^/]*$'), (vehicle, date) from latest").fetchall()
+    )
+    assert told["v0_hover.log.gz"] == ("alpha", "2026-01-02")
+    assert told["v4_control-lost.log.gz"] == ("beta", "2026-03-14")
+    assert told["v1_hover-4.log.gz"] == ("", "2026-03-14")
+    after = content(store)
+    assert {name: len(rows) for name, rows in after.items()} == {name: len(rows) for name, rows in before.items()}
+    assert "another vehicle" not in command(*again)[2]
+    assert "another vehicle" not in command(*arguments[:5], "--workers", "0")[2]  # untold is not told otherwise
+    assert content(store) == after
+    command(*arguments)
+    assert content(store) == before
+
+
 def test_it_finds_what_check_finds(checked, logs):  # noqa: F811
     place, _ = checked
     answers = ResultStore(str(place)).connected()
@@ -285,6 +313,20 @@ def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):
     assert [len(pd.read_parquet(one)) for one in files] == [len(whole)] * 2
     assert "captures: 0 read, 2 done before" in command(*arguments)[2]
     assert not [name for _, _, names in os.walk(place) for name in names if name.endswith(".part")]
+
+
+def test_an_export_follows_what_is_told_of_captures(logs, tmp_path, command):  # noqa: F811
+    place = tmp_path / "tables"
+    arguments = ["fleet", "export", logs / "v0_hover.log.gz", "-o", place, "--table", "ESCStatus", "--workers", "0"]
+    for more, folder in (
+        ([], "."), (["--partition", "vehicle"], "vehicle=unknown"),
+        (["--partition", "vehicle", "--name", "{vehicle}_*.log.gz"], "vehicle=v0"),
+        (["--partition", "date,vehicle", "--name", "{vehicle}_*.log.gz"], "date=unknown/vehicle=v0"), ([], "."),
+    ):  # fmt: skip
+        assert "captures: 1 read, 0 done before" in command(*arguments, *more)[2]
+        (path,) = (place / "ESCStatus").rglob("*.parquet")
+        assert path.parent == place / "ESCStatus" / folder
+        assert "captures: 0 read, 1 done before" in command(*arguments, *more)[2]
 
 
 def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811

@@ -158,6 +158,8 @@ class _Progress:
             f"-- {read}, {counts.unavailable} could not be read now",
             f"-- {counts.bytes / 1e6:.1f} MB, {counts.cpu_s:.1f} s of CPU on {counts.workers or 'no'} workers",
         ]
+        if counts.renamed:
+            lines.append(f"-- {counts.renamed} of those done before are of another vehicle or day now")
         if more:
             lines.append(f"-- {more}")
         streams.tell(("\r\x1b[K" if self._terminal else "") + "".join(f"{line}\n" for line in lines))
