@@ -229,6 +229,9 @@ class BrowserBase(App[None]):
         empty = "not known yet: the capture is still being read and judged"
         if self.tab == "statistics":
             empty = "it is being added up, once everything is decoded and judged"
+        if supply.doing == "following":
+            anew = "" if supply.only_once() else ": ctrl+r reads and judges what there is by now"
+            empty = f"not known while it is followed{anew}"
         lines = supply.tab(self.tab)
         if self.tab == "notes":
             lines = [TabLine(escape(note), "warn") for note in supply.notes]
