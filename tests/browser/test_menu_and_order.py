@@ -284,3 +284,15 @@ def test_clicks_that_come_at_once_open_one_page_and_leave_it_once() -> None:
             assert app.view.number() == len(app.view.rows) - 1
 
     asyncio.run(work())
+
+
+def test_a_type_has_no_order() -> None:
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            lines = seen.app.shown.lines
+            seen.app.details.select(next(k for k, line in enumerate(lines) if line.text.strip().startswith("Message")))
+            await seen.press("S")
+            assert "no field is selected to sort by" in seen.said
+            assert seen.app.view.order is None
+
+    asyncio.run(work())
