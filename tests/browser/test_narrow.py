@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from typing import TYPE_CHECKING
 
 import pytest
 from kit.browsing import browser, capture
 from textual.events import MouseDown
+
+from analyzer.app.browse.session import BrowseOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,5 +84,20 @@ def test_rules_leave_room_for_what_a_row_says(width: int, head: str, row: str) -
             lines = seen.screen.splitlines()
             assert lines[3].endswith(head)
             assert lines[4].endswith(row)
+
+    asyncio.run(work())
+
+
+def test_a_line_in_full_is_full_with_wide_letters(tmp_path: Path) -> None:
+    path = tmp_path / "flight.log"
+    shutil.copy(capture("hover.log"), path)
+    text = "過熱する電池" * 20
+    path.with_name("flight.log.marks.toml").write_text(f'[[mark]]\nframe = 1\ntext = "{text}"\n')
+
+    async def work() -> None:
+        async with browser(path, options=BrowseOptions(), judged=False) as seen:
+            await seen.press("tab", "home", "enter")
+            await seen.until(lambda: "The line in full" in seen.screen)
+            assert text in "".join(line.strip() for line in seen.screen.splitlines())
 
     asyncio.run(work())

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from kit.fleet_rows import Made
 
 from analyzer.fleet.report import page, text
 from analyzer.fleet.report.build import build
+from analyzer.fleet.report.model import OpenFirst
 from analyzer.fleet.store import ResultStore
+from analyzer.views.terminal import display_width
 
 FIRMWARE = {"vehicles": 40, "escs": 2, "firmware": lambda vehicle: "2.5" if vehicle % 4 == 0 else "2.7"}
 MIDDLE = "2026-09-13"  # the twelfth day
@@ -111,3 +115,26 @@ def test_what_is_not_compared_is_told(tmp_path):
         assert "breaks a rule" not in shown
     assert "2.5: 6 flights (fewer than 10: not compared)" in text.render(some)
     assert "2.7: 18 flights, 18 flight hours" in text.render(some)
+
+
+@pytest.mark.parametrize("width", [80, 200])
+@pytest.mark.parametrize("name", ["機体" * 20, "x" * 70])
+def test_long_and_wide_names_leave_the_screen_as_wide_as_it_is(width, name, tmp_path):
+    def firmware(vehicle):
+        return name if vehicle < 2 else f"2.7{name}"
+
+    def warm(quantity, vehicle, esc, day):
+        return 9.0 if (quantity, vehicle, esc) == ("temperature_median", 3, 2) and day > 14 else 0.0
+
+    def broken(vehicle, day):
+        return 0.6 if vehicle < 2 or day > 11 else 0.05
+
+    report = report_of(tmp_path, vehicles=8, firmware=firmware, broken=broken, other=warm)
+    odd = tuple(replace(one, vehicle=name) for one in report.odd)
+    rules = tuple(replace(one, title=f"{name} {name}", most=name, of_most=50) for one in report.rules)
+    vehicles = tuple(replace(one, vehicle=name, failed=1) for one in report.vehicles)
+    open_first = (OpenFirst(name, "2026-09-01", f"{name} stopped", "device", "likely", None, "/l", f"tailbyte {name}"),)
+    found = replace(report, odd=odd, rules=rules, vehicles=vehicles, open_first=open_first)
+    lines = text.render(replace(found, head=replace(found.head, store=f"/{name}")), width=width).splitlines()
+    assert [line for line in lines if display_width(line) > width and "tailbyte" not in line] == []
+    assert name in "".join(line.strip() for line in lines)
