@@ -11,6 +11,7 @@ from analyzer.fleet.report import page, text
 from analyzer.fleet.report.build import build
 from analyzer.fleet.report.model import OpenFirst
 from analyzer.fleet.store import ResultStore
+from analyzer.fleet.tables import rows_table
 from analyzer.views.terminal import display_width
 
 FIRMWARE = {"vehicles": 40, "escs": 2, "firmware": lambda vehicle: "2.5" if vehicle % 4 == 0 else "2.7"}
@@ -138,3 +139,14 @@ def test_long_and_wide_names_leave_the_screen_as_wide_as_it_is(width, name, tmp_
     lines = text.render(replace(found, head=replace(found.head, store=f"/{name}")), width=width).splitlines()
     assert [line for line in lines if display_width(line) > width and "tailbyte" not in line] == []
     assert name in "".join(line.strip() for line in lines)
+
+
+def test_an_esc_on_two_buses_flies_once(tmp_path):
+    made = Made(vehicles=4, escs=4, days=12, other=put_in)
+    made.into(ResultStore(str(tmp_path / "one")))
+    for name in ("nodes", "esc_health"):
+        made.rows[name] += [{**row, "bus": "can1"} for row in made.rows[name]]
+    store = ResultStore(str(tmp_path / "two"))
+    store.append({name: [rows_table(name, rows)] for name, rows in made.rows.items()})
+    assert build(store, None, 20).tested == 0
+    assert build(store, None, 12).tested == 4 * 4 * 3

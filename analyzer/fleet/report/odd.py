@@ -85,10 +85,12 @@ def _series(answers: duckdb.DuckDBPyConnection, quantity: ComparedQuantity) -> I
     others = f"{column}_others"
     difference = f"{column} / {others} - 1" if quantity.share else f"{column} - {others}"
     rows = answers.execute(
-        f"select c.vehicle, h.ch, h.node, h.software, h.t_ns, {difference} from esc_health h "  # noqa: S608 - our names
-        f"join counted c using (key, run) where {column} is not null and {others} is not null and {others} <> 0 "
-        "and c.vehicle <> '' order by c.vehicle, h.ch, h.node, h.t_ns, c.url"
+        f"select c.vehicle, h.ch, h.node, max(h.software), h.t_ns, avg({difference}) "  # noqa: S608 - our names
+        "from esc_health h join counted c using (key, run) "
+        f"where {column} is not null and {others} is not null and {others} <> 0 and c.vehicle <> '' "
+        "group by c.vehicle, h.ch, h.node, h.t_ns, c.url, h.flight order by c.vehicle, h.ch, h.node, h.t_ns, c.url"
     ).fetchall()
+    # An ESC on two buses, one as the other's reserve, flies once.
     for (vehicle, ch, node), group in groupby(rows, key=lambda row: row[:3]):
         some: list[Any] = list(group)
         yield FlightSeries(
