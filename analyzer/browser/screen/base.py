@@ -241,10 +241,10 @@ class BrowserBase(App[None]):
 
     def _menu(self) -> list[TabLine]:
         """Return the statistics that there are, to be asked for."""
-        head = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
+        told = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
         line = self.details.line
         leaf = line is not None and line.bits is not None and any(map(str.isdigit, line.value))
         name = field_name(line.name, self.view.supply.registry) if leaf and line is not None else ""
         known = {**STATISTICS, "values": f"how the values of {name} are spread"} if name else STATISTICS
         asks = {one: f"values,{name}" if one == "values" and name else one for one in known if one != "values" or name}
-        return [head, *(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks)]
+        return [*(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks), told]
