@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from analyzer.app.version import version
 from analyzer.fleet.jobs import Job
-from analyzer.fleet.renaming import renamed
+from analyzer.fleet.renewing import renewed
 from analyzer.fleet.tables import UNAVAILABLE, from_stream, rows_table
 from analyzer.fleet.worker import judge_all, killed
 from dissectors.records import dataclass, field, replace
@@ -94,7 +94,7 @@ class FleetRun:
         counts = self.counts
         counts.listed, counts.skipped, counts.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries = self._settings, self._retries
-        self._rename([job for job in jobs if job.key in known])
+        self._renew([job for job in jobs if job.key in known])
 
         def work(some: Sequence[Job]) -> dict[str, bytes]:
             return judge_all(some, settings, retries)
@@ -114,13 +114,13 @@ class FleetRun:
             self._held["runs"] = [rows_table("runs", [row])]
             self._commit()
 
-    def _rename(self, done: Sequence[Job]) -> None:
-        """Keep whose captures are that were done before, if that is told at all."""
-        told = {job.key: (job.vehicle, job.date) for job in done}
-        stored = self._store.opened("captures") if any(map(any, told.values())) else None
+    def _renew(self, done: Sequence[Job]) -> None:
+        """Have captures that were done before count as they are asked for now: settings, vehicle, day."""
+        stored = self._store.opened("captures") if done else None
         if stored is not None:
-            rows = renamed(stored.to_pyarrow_table(), told)
-            self.counts.renamed = len(rows)
+            names = {job.key: (job.vehicle, job.date) for job in done}
+            told = names if any(map(any, names.values())) else {}
+            rows, self.counts.renamed = renewed(stored.to_pyarrow_table(), list(names), told)
             self._held["captures"] = [rows] if len(rows) else []
 
     def _take(self, streams: dict[str, bytes]) -> None:

@@ -151,6 +151,13 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 def _read(path: str) -> dict[str, tuple[str, str]]:
+    try:
+        return _named(path)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: no CSV in UTF-8: {error}") from None
+
+
+def _named(path: str) -> dict[str, tuple[str, str]]:
     with Path(path).open(newline="", encoding="utf-8-sig") as file:
         rows = csv.DictReader(file)
         if "url" not in (rows.fieldnames or ()):

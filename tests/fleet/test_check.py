@@ -78,6 +78,19 @@ def test_whose_a_capture_is_may_be_told_later(checked, logs, command):  # noqa: 
     assert content(store) == before
 
 
+def test_settings_that_are_asked_for_again_count_again(checked, command):
+    place, arguments = checked
+    before = content(ResultStore(str(place)))
+    assert "0 done before" in command(*arguments, "--select", "TRF-003")[2]
+    other = content(ResultStore(str(place)))
+    assert other["rules"] != before["rules"]
+    for more, wanted in (([], before), (["--select", "TRF-003"], other), ([], before), ([], before)):
+        said = command(*arguments, *more)[2]
+        assert "10 done before" in said
+        assert "another vehicle" not in said
+        assert content(ResultStore(str(place))) == wanted
+
+
 def test_it_finds_what_check_finds(checked, logs):  # noqa: F811
     place, _ = checked
     answers = ResultStore(str(place)).connected()
