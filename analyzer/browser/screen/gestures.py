@@ -82,8 +82,8 @@ class Gestures(Handing):
 
     def wait_for_findings(self) -> None:
         """Apply the filter that waits for findings, if they are known now."""
-        if self.awaited and not self.view.waits(self.awaited):
-            self.set_filter(self.awaited)
+        if self.awaited and not self.view.waits(self.awaited) and self.set_filter(self.awaited):
+            self.forget_said()  # that it is waited for
 
     def say_place(self, error: FilterError) -> None:
         """Say what is wrong with a filter; the cursor of the filter line is the caret."""
