@@ -85,6 +85,11 @@ class ListPages:
         """Return the names of the columns, after the lines below them."""
         return fit(self._head, width)
 
+    @property
+    def info(self) -> int:
+        """Where what a row says begins, after the lines below it."""
+        return max(0, self._head.find("Info"))
+
     def column_at(self, x: int) -> str:
         """Return the column that a place in a line is in: number, time, src, dst, type, id, info or a field's name."""
         head = self._head

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 TABS = ("packets", "findings", "events", "flights", "triage", "statistics", "notes")
+ONLY_ONCE = "what comes from a bus or a pipe exists only once"
 
 
 class TabLine(NamedTuple):
@@ -92,6 +93,9 @@ class Supply(Protocol):
 
     def changed(self) -> str:
         """Return what has become of the files since they were read, once; empty for nothing."""
+
+    def only_once(self) -> str:
+        """Return why it cannot be read anew, empty if it can."""
 
     def renew(self, name: str) -> None:
         """Find out anew what a tab shows, where that may have changed since."""

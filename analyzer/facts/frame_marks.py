@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from errno import ENAMETOOLONG, ENOENT, ENOTDIR
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -80,8 +81,13 @@ class MarkBook:
             self.path.unlink(missing_ok=True)
         else:
             part = self.path.with_name(self.path.name + ".part")
-            part.write_text("".join(_written(self.ordered())), encoding="utf-8")
-            part.replace(self.path)
+            try:
+                part.write_text("".join(_written(self.ordered())), encoding="utf-8")
+                part.replace(self.path)
+            except OSError:
+                with suppress(OSError):
+                    part.unlink()
+                raise
         self.changed = False
 
 

@@ -9,6 +9,7 @@ from uuid import uuid4
 
 from analyzer.app.version import version
 from analyzer.fleet.jobs import Job
+from analyzer.fleet.renewing import renewed
 from analyzer.fleet.tables import UNAVAILABLE, from_stream, rows_table
 from analyzer.fleet.worker import judge_all, killed
 from dissectors.records import dataclass, field, replace
@@ -31,11 +32,12 @@ COMMIT_SECONDS = 60.0  # as much as a driver that dies loses at most
 class RunCounts:
     """How a run goes: `done` have a result, `unavailable` none, `failed` of those done have no verdict.
 
-    `others` tells that somebody else wrote the store meanwhile.
+    `renamed` are of another vehicle or day than they were, `others` tells that somebody else wrote the store meanwhile.
     """
 
     listed: int = 0
     skipped: int = 0
+    renamed: int = 0
     done: int = 0
     failed: int = 0
     unavailable: int = 0
@@ -92,6 +94,7 @@ class FleetRun:
         counts = self.counts
         counts.listed, counts.skipped, counts.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries = self._settings, self._retries
+        self._renew([job for job in jobs if job.key in known])
 
         def work(some: Sequence[Job]) -> dict[str, bytes]:
             return judge_all(some, settings, retries)
@@ -110,6 +113,15 @@ class FleetRun:
             }  # fmt: skip
             self._held["runs"] = [rows_table("runs", [row])]
             self._commit()
+
+    def _renew(self, done: Sequence[Job]) -> None:
+        """Have captures that were done before count as they are asked for now: settings, vehicle, day."""
+        stored = self._store.opened("captures") if done else None
+        if stored is not None:
+            names = {job.key: (job.vehicle, job.date) for job in done}
+            told = names if any(map(any, names.values())) else {}
+            rows, self.counts.renamed = renewed(stored.to_pyarrow_table(), list(names), told)
+            self._held["captures"] = [rows] if len(rows) else []
 
     def _take(self, streams: dict[str, bytes]) -> None:
         rows = {name: from_stream(stream) for name, stream in streams.items()}

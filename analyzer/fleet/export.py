@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Self, cast
 
@@ -36,10 +37,13 @@ class ExportGoal:
     tables: tuple[str, ...]
     partitions: tuple[str, ...] = ()
 
-    def path(self, job: Job, table: str) -> str:
-        """Return the file for a table of a capture: its name is the key, so what is there is done."""
+    def folders(self, job: Job) -> str:
+        """Return the folders of a capture below those of its tables, empty without partitions."""
         told = {"vehicle": job.vehicle, "date": job.date}
-        folders = "".join(f"{name}={_safe(told[name])}/" for name in self.partitions)
+        return "".join(f"{name}={_safe(told[name])}/" for name in self.partitions)
+
+    def path(self, job: Job, table: str, folders: str) -> str:
+        """Return the file for a table of a capture: its name is the key, so what is there is done."""
         return f"{self.place.rstrip('/')}/{table}/{folders}{job.key}.parquet"
 
 
@@ -59,8 +63,14 @@ def missing(jobs: Sequence[Job], goal: ExportGoal) -> list[Job]:
 
 
 def _mark(job: Job, goal: ExportGoal) -> str:
-    """Return the name of the empty file that says that a capture is exported with these tables."""
-    return f"{job.key}-{'+'.join(sorted(goal.tables))}"
+    """Return the name of the file that says that a capture is exported with these tables, into the folders in it."""
+    folders = goal.folders(job)
+    where = hashlib.sha256(folders.encode()).hexdigest()[:8] if folders else ""
+    return f"{_tables_of(job, goal)}{where}"
+
+
+def _tables_of(job: Job, goal: ExportGoal) -> str:
+    return f"{job.key}-{'+'.join(sorted(goal.tables))}-"
 
 
 def export(job: Job, settings: FleetSettings, retries: Retries, goal: ExportGoal) -> dict[str, Any]:
@@ -83,10 +93,22 @@ def _exported(job: Job, settings: FleetSettings, goal: ExportGoal) -> dict[str, 
         if isinstance(capture.damage, UnavailableError):
             raise capture.damage
         out.keep()
-    files.makedirs(f"{goal.place.rstrip('/')}/_done", exist_ok=True)
-    files.pipe_file(f"{goal.place.rstrip('/')}/_done/{_mark(job, goal)}", b"")
+    _settle(files, job, goal)
     damage = "" if capture.damage is None else str(capture.damage.reason)
     return {"outcome": "damaged" if damage else "judged", "error": "", "damage": damage, "rows": written}
+
+
+def _settle(files: Any, job: Job, goal: ExportGoal) -> None:
+    """Note that a capture is exported; what is left of it in folders of another vehicle or partition goes."""
+    done = f"{goal.place.rstrip('/')}/_done"
+    files.makedirs(done, exist_ok=True)
+    files.pipe_file(f"{done}/{_mark(job, goal)}", goal.folders(job).encode())
+    for mark in files.glob(f"{done}/{_tables_of(job, goal)}*"):
+        if mark.rpartition("/")[2] != _mark(job, goal):
+            folders = files.cat_file(mark).decode()
+            left = (goal.path(job, table, folders) for table in goal.tables)
+            for path in [mark, *(path for path in left if files.exists(path))]:
+                files.rm(path)
 
 
 class _Files:
@@ -108,7 +130,7 @@ class _Files:
     def write(self, table: str, rows: pa.RecordBatch) -> None:
         """Add rows to a table."""
         if table not in self._open:
-            path = f"{self._goal.path(self._job, table)}.part"
+            path = f"{self._goal.path(self._job, table, self._goal.folders(self._job))}.part"
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
             file = cast("BinaryIO", self._files.open(path, "wb"))
             self._open[table] = path, file, pq.ParquetWriter(file, rows.schema, compression="zstd")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 _MAGIC = re.compile(r"[*?\[]")
 _PASSWORD = re.compile(r"([a-z][a-z0-9+.-]*://[^/@:]*:)[^/@]*@")
@@ -33,16 +33,21 @@ class ListedCapture:
     size: int | None
 
 
-def listed(patterns: Sequence[str], without: str) -> Iterator[ListedCapture]:
+def listed(
+    patterns: Sequence[str], without: str, empty: Callable[[str], None] = lambda _: None
+) -> Iterator[ListedCapture]:
     """Yield what patterns, folders and addresses name, each once, in order; nothing below `without`, the store.
 
-    Raises `ListingError`.
+    `empty` is called with each pattern that names nothing else. Raises `ListingError`.
     """
     seen = set[str]()
     store = without.rstrip("/") + "/"
     for pattern in patterns:
-        for one in _found(pattern):
-            if one.url not in seen and not one.url.startswith(store):
+        found = [one for one in _found(pattern) if not one.url.startswith(store)]
+        if not found:
+            empty(pattern)
+        for one in found:
+            if one.url not in seen:
                 seen.add(one.url)
                 yield one
 
@@ -146,6 +151,13 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 def _read(path: str) -> dict[str, tuple[str, str]]:
+    try:
+        return _named(path)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: no CSV in UTF-8: {error}") from None
+
+
+def _named(path: str) -> dict[str, tuple[str, str]]:
     with Path(path).open(newline="", encoding="utf-8-sig") as file:
         rows = csv.DictReader(file)
         if "url" not in (rows.fieldnames or ()):

@@ -56,6 +56,7 @@ class Monitor(App[None]):
         Binding("pageup", "page(-1)", priority=True),
         Binding("pagedown", "page(1)", priority=True),
         Binding("question_mark,h,f1", "help"),
+        Binding("ctrl+l", "redraw", priority=True),
         Binding("q,ctrl+c,ctrl+q", "leave", priority=True),
     ]
 
@@ -80,6 +81,7 @@ class Monitor(App[None]):
 
     def on_mount(self) -> None:
         """Begin to look at the feed."""
+        self.app_resume_signal.subscribe(self, lambda _: self.action_redraw())
         self.set_interval(PERIOD, self.look)
         self.call_after_refresh(self.look)
 
@@ -103,7 +105,8 @@ class Monitor(App[None]):
         self._lines()
 
     def on_resize(self) -> None:
-        """Share the lines anew."""
+        """Share the lines anew; what stands on the terminal is not known, even if it has the size of before again."""
+        self.action_redraw()
         self.call_after_refresh(self.draw)
 
     def on_descendant_focus(self) -> None:
@@ -153,7 +156,12 @@ class Monitor(App[None]):
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(Help())
+        if not isinstance(self.screen, Help):
+            self.push_screen(Help())
+
+    def action_redraw(self) -> None:
+        """Draw everything anew: others may have written onto the terminal."""
+        self.refresh(repaint=True, layout=True)
 
     def action_browse(self) -> None:
         """Make room for what shows row by row what comes from now on."""

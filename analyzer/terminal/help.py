@@ -26,6 +26,7 @@ _TEXT: tuple[tuple[str, str, Style], ...] = (
     ("", "findings, what happened since the mark", ""),
     ("tab", "the next pane; the pane in use gets the room it needs", ""),
     ("up down", "and page up, page down, home, end: scroll the pane", ""),
+    ("ctrl+l", "draw everything anew", ""),
     ("q", "quit: the session ends, its files are finished", ""),
     ("", "", ""),
     ("red", "an error, a flag that is set, a row that stays away", "bad"),
@@ -54,6 +55,7 @@ class Help(ModalScreen[None]):
         )
 
     def on_key(self, event: Key) -> None:
-        """Go back to the monitor."""
+        """Go back to the monitor, once, however many keys come at once."""
         event.stop()
-        self.dismiss()
+        if self.app.screen is self:
+            self.dismiss()

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.browsing import Seen, browser, capture
-from kit.emulated import EmulatedTerminal
-from textual._compositor import CompositorUpdate
-from textual.app import App
+from kit.emulated import EmulatedTerminal, sends_to
 from textual.events import Key, Resize
 from textual.geometry import Size
 
@@ -51,16 +49,14 @@ class Drawn(Seen):
 
 @pytest.fixture
 def drawing(monkeypatch: pytest.MonkeyPatch) -> type[Drawn]:
-    """Return what makes a browser draw: Textual itself draws nothing without a terminal."""
+    """Return what makes a browser draw."""
     monkeypatch.setattr(Drawn, "terminal", EmulatedTerminal(80, 24), raising=False)
 
-    def display(app: App[None], _: object, update: object) -> None:
-        if isinstance(update, CompositorUpdate):
-            text = update.render_segments(app.console)
-            Drawn.sent += len(text)
-            Drawn.terminal.feed(text)
+    def taken(text: str) -> None:
+        Drawn.sent += len(text)
+        Drawn.terminal.feed(text)
 
-    monkeypatch.setattr(App, "_display", display)
+    sends_to(taken, monkeypatch)
     return Drawn
 
 

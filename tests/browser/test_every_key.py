@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -256,5 +258,25 @@ def test_a_type_is_no_field_to_sort_by() -> None:
             assert "apply as filter  ESCStatus" in seen.screen
             assert "as a column" not in seen.screen
             assert "sort by it" not in seen.screen
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize(
+    ("session", "group", "said"), [(1, 2, ""), (2, 2, "there is no shell that could have it go on")]
+)
+def test_the_whole_job_is_suspended_where_a_shell_can_continue_it(
+    session: int, group: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[tuple[int, int]] = []
+    monkeypatch.setattr(os, "getsid", lambda _: session)
+    monkeypatch.setattr(os, "getpgrp", lambda: group)
+    monkeypatch.setattr(os, "killpg", lambda *told: sent.append(told))
+
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            await seen.press("ctrl+z")
+            assert sent == ([] if said else [(0, signal.SIGTSTP)])
+            assert said in seen.said
 
     asyncio.run(work())

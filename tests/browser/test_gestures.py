@@ -316,7 +316,8 @@ def test_statistics_are_offered_and_rules_explained() -> None:
             assert "copied: 50.125 V" in seen.said
             await seen.press("6")
             assert "values,ESCStatus.voltage" in seen.screen
-            await seen.press("down", "down", "enter")
+            assert app.tabs.line.ask == "io"  # enter asks for the first at once
+            await seen.press("down", "enter")
             await seen.until(lambda: not app.view.supply.asking)
             app.look()
             await seen.pilot.pause()

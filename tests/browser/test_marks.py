@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import shutil
 import struct
-from typing import TYPE_CHECKING
+from errno import ENOSPC
+from pathlib import Path
 
 import pytest
 from kit.browsing import capture
 
 from analyzer.cli import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from analyzer.facts.frame_marks import MarkBook
 
 
 @pytest.fixture
@@ -97,3 +96,17 @@ def test_a_wrong_file_of_marks(marked: Path, tmp_path: Path, capsys: pytest.Capt
         assert "mark 1: frame is a number from 1" in capsys.readouterr().err
     assert main(["check", str(marked)]) == 1  # the verdict does not hang on them
     assert "mark 1: frame is a number from 1" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_nothing_of_marks_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, _: str, **__: str) -> int:
+        path.touch()
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    book = MarkBook(tmp_path / "flight.log.marks.toml")
+    book.toggle(0, None)
+    with pytest.raises(OSError, match="No space"):
+        book.save()
+    assert book.changed
+    assert list(tmp_path.iterdir()) == []

@@ -10,6 +10,9 @@ from kit.browsing import Seen, browser, capture
 
 from analyzer.app.browse.session import BrowseOptions
 from analyzer.browser import sorted_rows, view
+from analyzer.browser.screen.list_pane import PacketList
+from analyzer.browser.screen.pages.help import help_page
+from analyzer.browser.screen.pages.menu import MenuPage
 from analyzer.cli import main
 
 if TYPE_CHECKING:
@@ -259,5 +262,37 @@ def test_a_column_of_ones_own_goes_by_the_right_button() -> None:
             await seen.pilot.click("#list", offset=(head.index("voltage") + 2, 0), button=3)
             await seen.pilot.pause()
             assert app.view.pages.columns.names == ("ESCStatus.current",)
+
+    asyncio.run(work())
+
+
+def test_clicks_that_come_at_once_open_one_page_and_leave_it_once() -> None:
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            app = seen.app
+            for _ in range(2):
+                app.list.post_message(PacketList.Asked("info"))
+            await seen.until(lambda: isinstance(app.screen, MenuPage))
+            await seen.pilot.pause()
+            assert len(app.screen_stack) == 2
+            below = app.screen
+            app.push_screen(help_page())
+            below.leave()
+            await seen.press("escape", "escape")
+            assert len(app.screen_stack) == 1
+            await seen.press("end")
+            assert app.view.number() == len(app.view.rows) - 1
+
+    asyncio.run(work())
+
+
+def test_a_type_has_no_order() -> None:
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            lines = seen.app.shown.lines
+            seen.app.details.select(next(k for k, line in enumerate(lines) if line.text.strip().startswith("Message")))
+            await seen.press("S")
+            assert "no field is selected to sort by" in seen.said
+            assert seen.app.view.order is None
 
     asyncio.run(work())

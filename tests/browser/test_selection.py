@@ -74,3 +74,21 @@ def test_a_filter_by_findings_waits_for_them() -> None:
             assert len(app.view.rows) == 1
 
     asyncio.run(work())
+
+
+def test_what_is_said_of_a_filter_that_waits_goes_with_the_wait() -> None:
+    async def work() -> None:
+        text = 'finding.rule == "TRF-003"'
+        async with browser(FAULTS) as seen:
+            app, waits = seen.app, [True]
+            app.view.waits = lambda _: waits[0]
+            await seen.press("equals_sign")
+            await seen.type(text)
+            assert "once the capture is judged" in seen.said
+            assert (app.awaited, app.view.filter) == (text, "")
+            waits[0] = False
+            app.look()
+            assert (app.awaited, app.view.filter) == ("", text)
+            assert "once the capture is judged" not in seen.said
+
+    asyncio.run(work())

@@ -139,6 +139,11 @@ def test_a_capture_that_grows_is_read_anew(tmp_path: Path) -> None:
             path.write_bytes(b"".join(lines))
             assert "has grown since it was read: ctrl+r reads it anew" in seen.app.view.supply.changed()
             assert seen.app.view.supply.changed() == ""
+            kept = path.rename(path.with_suffix(".gone"))
+            await seen.press("ctrl+r")
+            assert f"{path.name} is gone: what was read of it stays here until the end" in seen.said
+            assert not seen.app.reload
+            kept.rename(path)
             await seen.press("ctrl+r")
             assert seen.app.reload
 
@@ -183,5 +188,22 @@ def test_a_capture_that_grows_is_followed(tmp_path: Path) -> None:
                 await seen.press("q")
             supply.join()
             assert not supply._thread.is_alive()
+
+    asyncio.run(work())
+
+
+def test_what_is_followed_tells_how_it_is_judged() -> None:
+    async def work() -> None:
+        async with browser(capture("hover.log")) as seen:
+            supply = seen.app.view.supply
+            supply._tabs.clear()
+            supply.doing = "following"
+            for key in ("2", "3", "4", "5"):
+                await seen.press(key)
+                assert "not known while it is followed: ctrl+r reads and judges what there is by now" in seen.screen
+            supply.paths = ("-",)
+            await seen.press("2")
+            assert seen.screen.splitlines()[4].strip() == "not known while it is followed"
+            supply.doing = ""
 
     asyncio.run(work())

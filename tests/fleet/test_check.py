@@ -9,7 +9,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from kit.command import CAPTURES, HOVER
-from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+from kit.fleets import QUICK, SETTINGS, checked, content, logs  # noqa: F401 - a fixture
 
 import analyzer.fleet
 from analyzer.cli.fleet.work import _Progress
@@ -22,16 +22,7 @@ from analyzer.fleet.store import ResultStore
 from analyzer.fleet.tables import TABLES, rows_table
 
 
-@pytest.fixture
-def checked(logs, tmp_path, command):  # noqa: F811 - pytest's way
-    place = tmp_path / "results"
-    arguments = ["fleet", "check", logs / "*.gz", "-o", place, "--name", "{vehicle}_*.log.gz", "--workers", "0"]
-    status, _, said = command(*arguments)
-    assert status == 3, said  # garbage has no result
-    return place, arguments
-
-
-def test_everything_is_stored_once(checked, command):
+def test_everything_is_stored_once(checked, command):  # noqa: F811
     place, arguments = checked
     answers = ResultStore(str(place)).connected()
     rows = answers.execute(
@@ -78,7 +69,7 @@ def test_retry_and_change(checked, logs, command):  # noqa: F811
     assert ResultStore(str(place)).connected().execute("select count(*) from latest").fetchall() == [(10,)]
 
 
-def test_others_read_it_too(checked):
+def test_others_read_it_too(checked):  # noqa: F811
     place, _ = checked
     store = ResultStore(str(place))
     uris = store.opened("captures").file_uris()
@@ -87,7 +78,7 @@ def test_others_read_it_too(checked):
     assert set(pl.read_delta(store.table("esc_health")).columns) == set(TABLES["esc_health"].names)
 
 
-def test_what_a_dead_driver_left_does_not_count(checked):
+def test_what_a_dead_driver_left_does_not_count(checked):  # noqa: F811
     place, _ = checked
     store = ResultStore(str(place))
     before = content(store)
@@ -211,6 +202,16 @@ def test_small_captures_are_done_together(sizes, least, lengths):
         (["export", "captures", "-o", "x"], 2, "export needs a table"),
         (["export", "captures", "-o", "x", "--table", "ESCStatsu"], 2, "ESCStatus"),
         (["fly"], 2, "fly"),
+        (["check", HOVER, "-o", "x", "--html", "x.html"], 2, "--html is an option of report, not of check"),
+        (
+            ["export", HOVER, "-o", "x", "--table", "ESCStatus", "--vehicle", "x.toml"],
+            2,
+            "--vehicle is an option of check",
+        ),
+        (["report", "/nowhere", "--table", "ESCStatus"], 2, "--table is an option of export, not of report"),
+        (["status", "/nowhere", "--name", "{vehicle}"], 2, "--name is an option of check and export, not of status"),
+        (["check", HOVER, "-o", "x", "--scheduler", "tcp://x:1", "--workers", "2"], 2, "one of them"),
+        (["report", "/nowhere", "--html", "-", "--json", "-"], 2, "only one of --html and --json"),
         (["check", HOVER, "-o", "x", "--memory", "lots"], 2, "--memory 'lots' is no size, such as 2GiB"),
         (["check", HOVER, "-o", "x", "--memory", "150MiB"], 2, "at least 256MiB"),
     ],
@@ -290,3 +291,10 @@ def test_captures_of_vehicles_without_a_name_are_of_no_vehicle(tmp_path, command
     assert line.split()[:4] == ["TRF-003", "error", "1", "capture"]
     assert "0 vehicles" in shown
     assert "1 vehicle" not in shown
+
+
+def test_a_pattern_beside_others_that_names_nothing_is_told(logs, tmp_path, command):  # noqa: F811
+    arguments = ["fleet", "check", logs / "nope*", logs / "v0_*.gz", "-o", tmp_path / "results", "--workers", "0"]
+    status, _, said = command(*arguments)
+    assert (status, said.count("no capture")) == (0, 1)
+    assert f"{logs}/nope*: no capture\n" in said

@@ -79,11 +79,13 @@ def test_a_wrong_pattern_is_said(pattern):
     ("text", "said"),
     [
         ("file,vehicle\n", "line 1: no column url"),
+        ("url,vehicle\n\udcfe,v1\n", "names.csv: no CSV in UTF-8"),
+        (f"url,vehicle\n{'x' * 200_000},v1\n", "names.csv: no CSV in UTF-8"),
         ("url,date\na.log,2026-11-22\nb.log,22.11.2026\n", "line 3: '22.11.2026'"),
     ],
 )
 def test_a_wrong_table_is_said(tmp_path, text, said):
     table = tmp_path / "names.csv"
-    table.write_text(text)
+    table.write_text(text, errors="surrogateescape")
     with pytest.raises(ValueError, match=said):
         Provenance(None, str(table))

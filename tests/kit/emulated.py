@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 from rich.cells import cell_len
+from textual._compositor import CompositorUpdate
+from textual.app import App
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pytest
 
 _PART = re.compile(r"\x1b\[(?P<given>[?<>=0-9;]*)[ $]?(?P<final>[@-~])|\x1b[^\[]|(?P<text>[^\x1b]+)", re.DOTALL)
 
@@ -54,3 +62,13 @@ class EmulatedTerminal:
                         line[at + 1] = " "
                 line[self._x : self._x + size] = [letter, *[""] * (size - 1)]
                 self._x += size
+
+
+def sends_to(taken: Callable[[str], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have what applications draw handed on: Textual itself draws nothing without a terminal."""
+
+    def display(app: App[None], _: object, update: object) -> None:
+        if isinstance(update, CompositorUpdate):
+            taken(update.render_segments(app.console))
+
+    monkeypatch.setattr(App, "_display", display)

@@ -12,6 +12,7 @@ from analyzer.fleet.tables import TABLES
 from kit import CAPTURES
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from analyzer.fleet.store import ResultStore
@@ -36,6 +37,16 @@ def logs(tmp_path: Path) -> Path:
     (folder / "v2_garbage.log.gz").write_bytes(bytes(range(128, 256)) * 20)
     (folder / "v3_empty.log.gz").write_bytes(b"")
     return folder
+
+
+@pytest.fixture
+def checked(logs: Path, tmp_path: Path, command: Callable[..., tuple[int, str, str]]) -> tuple[Path, list[Any]]:
+    """Return the store of those that are packed, checked, and the arguments of that."""
+    place = tmp_path / "results"
+    arguments = ["fleet", "check", logs / "*.gz", "-o", place, "--name", "{vehicle}_*.log.gz", "--workers", "0"]
+    status, _, said = command(*arguments)
+    assert status == 3, said  # garbage has no result
+    return place, arguments
 
 
 def content(store: ResultStore) -> dict[str, list[tuple[Any, ...]]]:

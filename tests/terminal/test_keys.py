@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from kit.monitor import SMALL, WIDE, Script, board_of, look, of_device, seen, session, text, until, use
 from kit.simulated import faulted
+from textual.events import Key
 
 from analyzer.board.snapshot import RecordingState
 from analyzer.terminal.app import PANES, Monitor
@@ -231,5 +232,18 @@ def test_the_display_follows_the_size_of_the_terminal() -> None:
         await pilot.resize_terminal(60, 20)
         await until(pilot, lambda: {len(line) for line in seen(app)} == {60} and "? help" in seen(app)[-1])
         await until(pilot, lambda: "47.8..50.2" not in text(app))  # drawn anew once it is laid out
+
+    use(Script([session("hover-4.log")]), does)
+
+
+def test_keys_that_come_at_once_leave_the_page_of_help_once() -> None:
+    async def does(app: Monitor, pilot: Pilot[None]) -> None:
+        await pilot.press("question_mark")
+        await until(pilot, lambda: len(app.screen_stack) == 2)
+        for key in ("escape", "escape", "escape"):
+            app.post_message(Key(key, None))
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        await pilot.press("b")
+        assert app._panes["buses"].has_focus
 
     use(Script([session("hover-4.log")]), does)

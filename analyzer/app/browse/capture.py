@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from analyzer.app.browse.stamps import FileStamps
 from analyzer.app.run import Run
 from analyzer.browser.store.store import StoreFullError, TableStore
+from analyzer.browser.supply import ONLY_ONCE
 from analyzer.facts.frame_comments import FrameComments
 from analyzer.sources import CaptureError
 
@@ -104,6 +105,10 @@ class CaptureSupply:
     def changed(self) -> str:
         """Return what has become of the files since they were read, once; empty for nothing."""
         return self._stamps.changed() if self.loaded else ""
+
+    def only_once(self) -> str:
+        """Return why it cannot be read anew, empty if it can."""
+        return ONLY_ONCE if "-" in self.paths else self._stamps.gone()
 
     def renew(self, name: str) -> None:
         """Do nothing: what a tab shows is of all that there is."""

@@ -11,7 +11,7 @@ from analyzer.app.browse.happened import happened, statistic
 from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.browse.tabs import finding_line
 from analyzer.browser.store.store import StoreFullError, TableStore
-from analyzer.browser.supply import TABS, TabLine
+from analyzer.browser.supply import ONLY_ONCE, TABS, TabLine
 from analyzer.stats.catalogue import named as known_statistic
 
 if TYPE_CHECKING:
@@ -137,6 +137,10 @@ class LiveSupply:
     def changed(self) -> str:
         """Return nothing: there is no file that was read."""
         return ""
+
+    def only_once(self) -> str:
+        """Return why it cannot be read anew."""
+        return ONLY_ONCE
 
     def renew(self, name: str) -> None:
         """Find out what a tab has to show of all that came until now."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ class FileStamps:
 
     def __init__(self, paths: Sequence[str]) -> None:
         self._stamps = {path: stamp for path in paths if (stamp := _stamp(path)) is not None}
+        self._there = tuple(self._stamps)
 
     def changed(self) -> str:
         """Return what has become of a file since, once; empty if nothing has."""
@@ -25,10 +27,19 @@ class FileStamps:
                 continue
             self._stamps = {}
             if now is None:
-                return f"{path} is gone: what was read of it stays here until the end"
+                return _gone(path)
             grown = now[0] == before[0] and now[1] > before[1]
-            return f"{path} has {'grown' if grown else 'changed'} since it was read: ctrl+r reads it anew"
+            how = "grown" if grown else "changed"
+            return f"{Path(path).name} has {how} since it was read: ctrl+r reads it anew"
         return ""
+
+    def gone(self) -> str:
+        """Return that a file is not there any more, empty if all are."""
+        return next((_gone(path) for path in self._there if _stamp(path) is None), "")
+
+
+def _gone(path: str) -> str:
+    return f"{Path(path).name} is gone: what was read of it stays here until the end"
 
 
 def _stamp(path: str) -> _Stamp | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import sys
 from contextlib import suppress
@@ -73,6 +74,15 @@ class Browser(Pressing):
         """Draw everything anew: others may have written onto the terminal."""
         self._drawn.forget()
         self.refresh(repaint=True, layout=True)
+
+    def action_suspend(self) -> None:
+        """Stop until the shell has it go on, with the rest of a pipe; recording and a shell that cannot do so go on."""
+        if self.view.supply.live:
+            self.fail("a session with a bus is not stopped: it records and judges")
+        elif not hasattr(os, "getsid") or os.getsid(0) == os.getpgrp():
+            self.fail("there is no shell that could have it go on")
+        else:
+            os.killpg(0, signal.SIGTSTP)  # Textual leaves the terminal in order, and comes back on SIGCONT
 
     def _end(self, code: int) -> None:
         self.view.supply.stop()
@@ -171,7 +181,7 @@ class Browser(Pressing):
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(help_page())
+        self.open_page(help_page())
 
     def _fatal_error(self) -> None:
         """End with a line in place of the traceback that Textual would print."""

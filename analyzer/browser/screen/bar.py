@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from textual.widgets import Input
 
 from analyzer.stats.catalogue import STATISTICS
+from analyzer.views.terminal import escape
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -48,6 +49,10 @@ class Bar(Input):
         self._kept: dict[str, list[str]] = {}
         self._place = 0
         self.purpose = "filter"
+
+    def validate_value(self, value: str) -> str:
+        """Return what stands in the line: a comment of a capture, or what is pasted, may hold anything."""
+        return escape(" ".join(value.split("\n")))
 
     def ask(self, purpose: str, value: str = "") -> None:
         """Begin to ask for something."""

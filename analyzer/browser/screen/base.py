@@ -16,6 +16,7 @@ from analyzer.browser.screen.detail_pane import DetailPane
 from analyzer.browser.screen.keys import hints
 from analyzer.browser.screen.lines import Lines, padded
 from analyzer.browser.screen.list_pane import PacketList
+from analyzer.browser.screen.pages.page import ScreenPage
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
@@ -123,24 +124,29 @@ class BrowserBase(App[None]):
             share = rows.share
             where += "" if rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
             if rows.problem is not None:
-                where = f"the filter failed: {rows.problem}"
+                where = f"the filter failed: {escape(str(rows.problem))}"
         if order is not None:
             way = "falling" if order.falling else "rising"
             where = f"{order.name} {way}{'' if order.done else ' ...'}  {where}"
             if order.problem is not None:
-                where = f"it cannot be sorted: {order.problem}"
+                where = f"it cannot be sorted: {escape(str(order.problem))}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
         right = f" {place}{where} "
         filtered = f" = {view.filter}" if view.filter else " = (no filter)"
         if self.awaited:
             filtered = f" = {self.awaited} (once it is judged)"
-        left = padded(fit(filtered, max(4, width - len(right))), width - len(right))
+        left = padded(fit(escape(filtered), max(4, width - len(right))), width - len(right))
         return (left, NAMED["good" if view.filter else "dim"]), (fit(right, width), NAMED[""])
 
     def say(self, text: str, style: str = "") -> None:
-        """Show a line in place of the keys until the next key."""
-        self.said, self.said_style = " ".join(text.split("\n")), style
+        """Show a line in place of the keys until the next key; what came from a capture may stand in it."""
+        self.said, self.said_style = escape(" ".join(text.split("\n"))), style
         self.draw_lines()
+
+    def open_page(self, page: ScreenPage) -> None:
+        """Show a page before the panes; a click that came late opens no second one before it."""
+        if not isinstance(self.screen, ScreenPage):
+            self.push_screen(page)
 
     def forget_said(self) -> None:
         """Show the keys again."""
@@ -223,6 +229,9 @@ class BrowserBase(App[None]):
         empty = "not known yet: the capture is still being read and judged"
         if self.tab == "statistics":
             empty = "it is being added up, once everything is decoded and judged"
+        if supply.doing == "following":
+            anew = "" if supply.only_once() else ": ctrl+r reads and judges what there is by now"
+            empty = f"not known while it is followed{anew}"
         lines = supply.tab(self.tab)
         if self.tab == "notes":
             lines = [TabLine(escape(note), "warn") for note in supply.notes]
@@ -232,10 +241,10 @@ class BrowserBase(App[None]):
 
     def _menu(self) -> list[TabLine]:
         """Return the statistics that there are, to be asked for."""
-        head = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
+        told = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
         line = self.details.line
         leaf = line is not None and line.bits is not None and any(map(str.isdigit, line.value))
         name = field_name(line.name, self.view.supply.registry) if leaf and line is not None else ""
         known = {**STATISTICS, "values": f"how the values of {name} are spread"} if name else STATISTICS
         asks = {one: f"values,{name}" if one == "values" and name else one for one in known if one != "values" or name}
-        return [head, *(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks)]
+        return [*(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks), told]

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 _PER_LINE, _CLASSIC = 16, 8
 _CELL = 3  # columns of a byte
+_NUMBER, _IDENTIFIER, _GAP = 10, 8, 2  # columns before the bytes of a frame
 
 
 class BytesPane(Pane, can_focus=True):
-    """Shows frames in hexadecimal, 16 bytes a line, and in bits what is lit."""
+    """Shows frames in hexadecimal, 16 bytes a line, 8 where it is narrow, and in bits what is lit."""
 
     class Selected(Message):
         """Another byte is the current one."""
@@ -35,28 +36,40 @@ class BytesPane(Pane, can_focus=True):
         self._frames: Sequence[DumpFrame] = ()
         self._lit = Lit()
         self._lines: list[tuple[int, int]] = []  # frame and first byte of each line
+        self._per_line = _PER_LINE
         self.at = (0, 0)
         self._top = 0
 
     def take(self, frames: Sequence[DumpFrame]) -> None:
         """Show another row."""
         self._frames = frames
-        self._lines = [
-            (k, start) for k, frame in enumerate(frames) for start in range(0, max(1, len(frame.data)), _PER_LINE)
-        ]
+        self._break()
         self.at, self._top = (0, 0), 0
 
+    def _break(self) -> None:
+        """Break frames into lines, all of whose bytes can be seen."""
+        longest = max((_left(one) for one in self._frames), default=0)
+        self._per_line = _PER_LINE if longest + _CELL * _PER_LINE <= self.size.width else _CLASSIC
+        self._lines = [
+            (k, start)
+            for k, frame in enumerate(self._frames)
+            for start in range(0, max(1, len(frame.data)), self._per_line)
+        ]
+
+    def on_resize(self) -> None:
+        """Break lines for the room that there is now."""
+        self._break()
+        self._top = self._place(self.at)
+        super().on_resize()
+
     def light(self, lit: Lit) -> None:
-        """Light bytes, and go to where they are."""
+        """Light bytes, and go to where they are, but not away from a byte that one is at."""
         self._lit = lit
-        if lit.bytes:
-            first = min(lit.bytes)
-            place = self._place(first)
-            room = self._room()
+        if lit.bytes and not self.has_focus:
+            self.at = min(lit.bytes)
+            place, room = self._place(self.at), self._room()
             if not self._top <= place < self._top + room:
                 self._top = max(0, place - room // 2)
-            if not self.has_focus:
-                self.at = first
         self.draw()
 
     def move(self, by: int) -> None:
@@ -72,7 +85,7 @@ class BytesPane(Pane, can_focus=True):
             return
         place = max(0, min(self._place(self.at) + by, len(self._lines) - 1))
         frame, start = self._lines[place]
-        within = self.at[1] % _PER_LINE
+        within = self.at[1] % self._per_line
         self.to((frame, max(0, min(start + within, len(self._frames[frame].data) - 1))))
 
     def to(self, at: tuple[int, int]) -> None:
@@ -111,21 +124,22 @@ class BytesPane(Pane, can_focus=True):
 
     def _line(self, frame: int, start: int, width: int) -> Spans:
         one = self._frames[frame]
-        head = f"{one.number:>9} " if start == 0 else " " * 10
+        head = f"{one.number:>{_NUMBER - 1}} " if start == 0 else " " * _NUMBER
         spans: list[tuple[str, Style]] = [(head, NAMED["dim"])]
         if start == 0:
             digits = self._lit.digits if one.extended else frozenset()
-            spans += [(c, NAMED["lit"] if k in digits else PLAIN) for k, c in enumerate(f"{one.identifier:<8}")]
+            letters = one.identifier.ljust(_IDENTIFIER)
+            spans += [(c, NAMED["lit"] if k in digits else PLAIN) for k, c in enumerate(letters)]
         else:
-            spans.append((" " * max(8, len(one.identifier)), PLAIN))
-        spans.append(("  ", PLAIN))
-        data = one.data[start : start + _PER_LINE]
+            spans.append((" " * max(_IDENTIFIER, len(one.identifier)), PLAIN))
+        spans.append((" " * _GAP, PLAIN))
+        data = one.data[start : start + self._per_line]
         before = one.data[start - 1].role if start else None
         for k, byte in enumerate(data, start):
             gap = "|" if before is not None and byte.role != before else " "
             spans += [(gap, NAMED["dim"]), (f"{byte.value:02X}", self._style(frame, k, byte))]
             before = byte.role
-        full = _CLASSIC if all(len(some.data) <= _CLASSIC for some in self._frames) else _PER_LINE
+        full = _CLASSIC if all(len(some.data) <= _CLASSIC for some in self._frames) else self._per_line
         spans.append((" " * (_CELL * (full - len(data)) + 2), PLAIN))
         for k, byte in enumerate(data, start):
             letter = chr(byte.value) if 32 <= byte.value < 127 else "."
@@ -149,10 +163,14 @@ class BytesPane(Pane, can_focus=True):
         if event.y < 1 or place >= len(self._lines):
             return
         frame, start = self._lines[place]
-        left = 20 if not start else 12 + max(8, len(self._frames[frame].identifier))
-        k = start + max(0, (event.x - left - 1) // _CELL)
-        if k < len(self._frames[frame].data) and k < start + _PER_LINE:
+        k = start + max(0, (event.x - _left(self._frames[frame]) - 1) // _CELL)
+        if k < len(self._frames[frame].data) and k < start + self._per_line:
             self.to((frame, k))
+
+
+def _left(frame: DumpFrame) -> int:
+    """Return how many columns stand before the bytes of a frame: its number and its identifier."""
+    return _NUMBER + max(_IDENTIFIER, len(frame.identifier)) + _GAP
 
 
 def _cut(spans: Sequence[tuple[str, Style]], width: int) -> Spans:

@@ -82,8 +82,8 @@ class Gestures(Handing):
 
     def wait_for_findings(self) -> None:
         """Apply the filter that waits for findings, if they are known now."""
-        if self.awaited and not self.view.waits(self.awaited):
-            self.set_filter(self.awaited)
+        if self.awaited and not self.view.waits(self.awaited) and self.set_filter(self.awaited):
+            self.forget_said()  # that it is waited for
 
     def say_place(self, error: FilterError) -> None:
         """Say what is wrong with a filter; the cursor of the filter line is the caret."""
@@ -240,7 +240,7 @@ class Gestures(Handing):
         if self.focused is self.list:
             self.action_pane(1)
         elif self.focused is self.details and self.details.cut:
-            self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
+            self.open_page(line_page(self.details.line.text if self.details.line else "", self.size.width))
         elif self.focused is self.details:
             self.details.fold()
 
@@ -261,7 +261,7 @@ class Gestures(Handing):
         if not page:
             self.fail("no rule names this row" if not rules else f"{rules[0]} has no page so far")
             return
-        self.push_screen(rule_page(page))
+        self.open_page(rule_page(page))
         if len(rules) > 1:
             self.say(f"this row is named by {', '.join(rules)}")
 

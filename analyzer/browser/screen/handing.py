@@ -187,8 +187,8 @@ class Handing(Searching):
 
     def action_reload(self) -> None:
         """Read the captures anew, and come back to this row."""
-        if self.view.supply.live or "-" in self.view.supply.paths:
-            self.fail("what comes from a bus or a pipe exists only once")
+        if wrong := self.view.supply.only_once():
+            self.fail(wrong)
             return
         self.reload = True
         self.view.supply.stop()

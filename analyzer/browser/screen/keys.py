@@ -95,6 +95,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("y", "copy", "y", "copy rows: t text, j JSON, c candump, d details, b bytes; v value, f filter"),
         KeyWords("o", "plot", "o", "open Rerun at this time (plot --around)"),
         KeyWords("ctrl+r", "reload", "ctrl+r", "read the capture anew, after it has grown or changed"),
+        KeyWords("ctrl+z", "suspend", "ctrl+z", "back to the shell for a while; fg leads back"),
         KeyWords("q,ctrl+q", "leave", "q", "quit; asks once if marks are not kept yet"),
     ),
 }  # fmt: skip

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _KEPT = 1000  # lines that are written already
 _BESIDE = 1  # column of the marks
 _RULE = "Rule"
+_LEAST_INFO = 12  # columns that what a row says keeps from the rules
 _ORDER = ("error", "warning", "note")
 _STYLES = ("bad", "warn", "dim")
 _SIGNS = ("!", "?", "")  # as in the strip
@@ -101,7 +102,7 @@ class PacketList(Pane, can_focus=True):
         marked = self._marked(places)
         style = NAMED["title" if self.has_focus else "head"]
         head = padded(" " + view.pages.head(width - _BESIDE), width)
-        if view.supply.named is not None:
+        if view.supply.named is not None and self._spare(width) >= len(_RULE):
             head = f"{head[: width - len(_RULE) - 1]} {_RULE}"
         shown: list[Spans] = [((head, style),)]
         selected = range(0) if view.begun is None else view.selected()
@@ -121,16 +122,24 @@ class PacketList(Pane, can_focus=True):
         self.put(shown)
 
     def _with_rules(self, text: str, rules: list[str], width: int, style: Style) -> Spans:
-        """Return a row with the rules that name it at its right end, the worst first."""
+        """Return a row with the worst rule that names it at its right end, as much of it as there is room for."""
         if not rules:
             return ((padded(text, width), style),)
         severities = self._view.supply.severities
         grade, worst = min((_ORDER.index(severities.get(rule, _ORDER[-1])), rule) for rule in rules)
-        told = f" {_SIGNS[grade]}{worst}" + (f"+{len(rules) - 1}" if len(rules) > 1 else "")
+        sign, more = _SIGNS[grade], f"+{len(rules) - 1}" if len(rules) > 1 else ""
+        spare = self._spare(width)
+        told = next(
+            (one for one in (f" {sign}{worst}{more}", f" {sign}{worst}") if len(one) <= spare), f" {sign}".rstrip()
+        )
         room = max(0, width - len(told))
         own = style if style.reverse else NAMED[_STYLES[grade]]
         body = fit(text, room)
         return (padded(body.rstrip(ELLIPSIS) + ELLIPSIS if body.endswith(ELLIPSIS) else body, room), style), (told, own)
+
+    def _spare(self, width: int) -> int:
+        """Return how many columns what rows say leaves to rules."""
+        return width - self._view.pages.info - _LEAST_INFO
 
     def _nothing(self) -> str:
         view = self._view

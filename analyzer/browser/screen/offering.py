@@ -45,7 +45,7 @@ class Offering(Asking):
         if not entries:
             self.fail("nothing is selected that something can be done with")
             return
-        self.push_screen(MenuPage(self._menu_title(), entries))
+        self.open_page(MenuPage(self._menu_title(), entries))
 
     def _menu_title(self) -> str:
         if self.tab != TABS[0]:
@@ -74,7 +74,7 @@ class Offering(Asking):
         if new := self._selected_filter():
             for keys, words, action in _WAYS:
                 yield MenuEntry(keys, f"{words}  {new}" if keys in ("a", "p") else words, action)
-        if (name := self._selected_name()) and not _TYPE.fullmatch(name):
+        if name := self._selected_name():
             yield MenuEntry("i", f"as a column  {name}", "column(1)")
             yield MenuEntry("S", f"sort by it; again: the highest first, as recorded  {name}", "sort")
             yield MenuEntry("", f"statistic: how its values are spread  {name}", f"values('{name}')")
@@ -102,9 +102,10 @@ class Offering(Asking):
         yield MenuEntry("t", "count times from here", "reference")
 
     def _selected_name(self) -> str:
-        """Return the field that the selected detail names, empty for none."""
+        """Return the field that the selected detail names, empty for none, or for a type, which has no value."""
         line = self.details.line
-        return "" if line is None else field_name(line.name, self.view.supply.registry)
+        name = "" if line is None else field_name(line.name, self.view.supply.registry)
+        return "" if _TYPE.fullmatch(name) else name
 
     def action_copy_as(self, key: str) -> None:
         """Copy in one of several forms."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from textual.message import Message
 
 from analyzer.browser.screen.lines import RIGHT, Pane, padded
 from analyzer.browser.screen.styles import NAMED
+from analyzer.report.lines import wrap
 from analyzer.views.terminal import display_width, fit
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class TabPane(Pane, can_focus=True):
         line = self.line
         if line is None or display_width(line.text) < width:
             return []
-        return wrap(" ".join(line.text.split()), max(8, width - 2))[:_MOST_WHOLE]
+        return wrap(line.text, max(8, width - 2))[:_MOST_WHOLE]
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a line; once more chooses it."""

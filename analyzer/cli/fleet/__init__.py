@@ -14,6 +14,15 @@ if TYPE_CHECKING:
 
 NAME = "tailbyte fleet"
 _NEEDED = ("distributed", "fsspec", "deltalake", "duckdb")
+# Options that only some actions take.
+_READS, _CHECK, _EXPORT, _REPORT = ("check", "export"), ("check",), ("export",), ("report",)
+_OF = {
+    **dict.fromkeys(("name", "names", "scheduler", "workers", "memory", "attempts", "dissector", "trusted"), _READS),
+    **dict.fromkeys(("select", "ignore", "origin", "vehicle", "dialect", "fail_on", "least", "baseline"), _CHECK),
+    **dict.fromkeys(("retry", "bitrate"), _CHECK),
+    **dict.fromkeys(("table", "partition"), _EXPORT),
+    **dict.fromkeys(("since", "by", "flights", "html", "json"), _REPORT),
+}
 _EPILOG = """\
 check    judge captures, and keep the results in the store -o: what is done is not done again
 export   decoded tables of captures, as Parquet below -o
@@ -55,7 +64,18 @@ def add(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--html", metavar="FILE", help="as one page")
     group.add_argument("--json", metavar="FILE", help="everything; - is standard output")
     options.add_output(parser)
-    parser.set_defaults(run=run, follow=False)
+    of_one = {one.dest: one for one in reversed(parser._actions) if one.dest in _OF}  # noqa: SLF001 - no other way to ask
+    parser.set_defaults(run=run, follow=False, of_one=of_one)
+
+
+def _misplaced(args: argparse.Namespace) -> str:
+    """Return what is wrong with options that an action does not take, or that exclude each other; empty for nothing."""
+    for dest, option in args.of_one.items():
+        if args.action not in _OF[dest] and getattr(args, dest) != option.default:
+            return f"{option.option_strings[-1]} is an option of {' and '.join(_OF[dest])}, not of {args.action}"
+    if args.scheduler is not None and args.workers is not None:
+        return "--workers are those here, --scheduler has its own: one of them"
+    return "only one of --html and --json can be standard output" if args.html == args.json == "-" else ""
 
 
 def _count(text: str) -> int:
@@ -79,6 +99,8 @@ def run(args: argparse.Namespace) -> int:  # noqa: PLR0911 - each line of usage 
         return status.usage(f"{args.action} needs captures, and a store: -o STORE", NAME)
     if not works and (len(args.place) != 1 or args.output):
         return status.usage(f"{args.action} takes one store, and no -o", NAME)
+    if wrong := _misplaced(args):
+        return status.usage(wrong, NAME)
     try:
         return _ACTIONS[args.action](args)
     except (StoreError, ClusterError, ListingError) as error:

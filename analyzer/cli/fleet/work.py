@@ -36,7 +36,7 @@ def check(args: argparse.Namespace) -> int:
     rules.criteria(settings.rules, dissectors.load(settings.dissectors, settings.trusted), NAME)
     jobs = _jobs(args, store.place, settings)
     if not jobs:
-        return _nothing(args)
+        return status.NOT_JUDGED
     choice, progress = _choice(args), _Progress()
     run = FleetRun(store, settings, Retries(args.attempts), progress)
     try:
@@ -62,7 +62,7 @@ def export(args: argparse.Namespace) -> int:
     goal = ExportGoal(ResultStore(args.output).place, tables, partitions)
     jobs = _jobs(args, goal.place, settings)
     if not jobs:
-        return _nothing(args)
+        return status.NOT_JUDGED
     choice, progress = _choice(args), _Progress()
     run = ExportRun(settings, Retries(args.attempts), goal, progress)
     try:
@@ -83,11 +83,25 @@ def _settings(args: argparse.Namespace) -> FleetSettings:
 
 
 def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
-    jobs = jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
-    if jobs and (args.name or args.names) and not any(job.vehicle for job in jobs):
-        wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
-        streams.complain(f"{wish} tells the vehicle of none of {len(jobs)} captures, such as {jobs[0].url}", NAME)
+    found = listed(args.place, store, lambda pattern: streams.complain(f"{pattern}: no capture", NAME))
+    jobs = jobs_of(found, Provenance(args.name, args.names), settings.digest())
+    if args.name or args.names:
+        _tell_untold(args, jobs)
     return jobs
+
+
+def _tell_untold(args: argparse.Namespace, jobs: list[Job]) -> None:
+    """Complain of captures whose vehicle is not told, or of a day that is none: the name may fit the wrong folders."""
+    wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
+    nobody = [job for job in jobs if not job.vehicle]
+    if nobody:
+        known = len(jobs) - len(nobody)
+        whose = f"{known or 'none'} of {len(jobs)} captures, {'not of' if known else 'such as'} {nobody[0].url}"
+        streams.complain(f"{wish} tells the vehicle of {whose}", NAME)
+    dayless = [job for job in jobs if job.vehicle and not job.date] if "{date}" in (args.name or "") else []
+    if dayless:
+        one = f"{dayless[0].url}, of vehicle {dayless[0].vehicle}"
+        streams.complain(f"{wish} finds no day in {len(dayless)} of {len(jobs)} captures, such as {one}", NAME)
 
 
 def _choice(args: argparse.Namespace) -> ClusterChoice:
@@ -104,11 +118,6 @@ def _choice(args: argparse.Namespace) -> ClusterChoice:
                 f"--memory {args.memory}: a worker takes most of that before it reads anything; at least {LEAST_MEMORY}"
             )
     return ClusterChoice(args.scheduler, args.workers, args.memory)
-
-
-def _nothing(args: argparse.Namespace) -> int:
-    streams.complain(f"{' '.join(args.place)}: no capture", NAME)
-    return status.NOT_JUDGED
 
 
 def _status(counts: RunCounts) -> int:
@@ -149,6 +158,8 @@ class _Progress:
             f"-- {read}, {counts.unavailable} could not be read now",
             f"-- {counts.bytes / 1e6:.1f} MB, {counts.cpu_s:.1f} s of CPU on {counts.workers or 'no'} workers",
         ]
+        if counts.renamed:
+            lines.append(f"-- {counts.renamed} of those done before are of another vehicle or day now")
         if more:
             lines.append(f"-- {more}")
         streams.tell(("\r\x1b[K" if self._terminal else "") + "".join(f"{line}\n" for line in lines))

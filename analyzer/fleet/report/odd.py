@@ -45,6 +45,7 @@ _FEWEST_ESCS = 8  # of a firmware, among which one may be odd
 _SIGMAS = 4.0  # of an ESC's flights: less is what flights differ by
 _STRONG = 6.0
 _LASTING = 0.75  # of the flights that say how it is now: a few odd ones at the right place are no change
+_BEFORE = 2  # flights at least that say how it was
 _NOW = 5  # flights that say how it is now, or a fifth if that is more
 
 
@@ -60,7 +61,12 @@ class FlightSeries(NamedTuple):
 
 
 def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[EscOutlier], int]:
-    """Return those that are odd, the worst first, and how many series were tested; `least` flights each."""
+    """Return those that are odd, the worst first, and how many series were tested; `least` flights each.
+
+    Raises `ValueError` for so few of them that now and then would be the same flights.
+    """
+    if least < _BEFORE + _NOW:
+        raise ValueError(f"--flights {least}: at least {_BEFORE + _NOW}, to tell how an ESC is from how it was")
     found: list[EscOutlier] = []
     tested = 0
     for quantity in QUANTITIES:
@@ -79,10 +85,12 @@ def _series(answers: duckdb.DuckDBPyConnection, quantity: ComparedQuantity) -> I
     others = f"{column}_others"
     difference = f"{column} / {others} - 1" if quantity.share else f"{column} - {others}"
     rows = answers.execute(
-        f"select c.vehicle, h.ch, h.node, h.software, h.t_ns, {difference} from esc_health h "  # noqa: S608 - our names
-        f"join counted c using (key, run) where {column} is not null and {others} is not null and {others} <> 0 "
-        "and c.vehicle <> '' order by c.vehicle, h.ch, h.node, h.t_ns, c.url"
+        f"select c.vehicle, h.ch, h.node, max(h.software), h.t_ns, avg({difference}) "  # noqa: S608 - our names
+        "from esc_health h join counted c using (key, run) "
+        f"where {column} is not null and {others} is not null and {others} <> 0 and c.vehicle <> '' "
+        "group by c.vehicle, h.ch, h.node, h.t_ns, c.url, h.flight order by c.vehicle, h.ch, h.node, h.t_ns, c.url"
     ).fetchall()
+    # An ESC on two buses, one as the other's reserve, flies once.
     for (vehicle, ch, node), group in groupby(rows, key=lambda row: row[:3]):
         some: list[Any] = list(group)
         yield FlightSeries(
@@ -110,7 +118,7 @@ def _changed(series: list[FlightSeries], quantity: ComparedQuantity) -> list[Esc
 
 def _now_and_past(values: Array) -> tuple[Array, Array]:
     """Return the flights that say how it is, and how it was."""
-    return values[-max(_NOW, len(values) // 5) :], values[: len(values) // 3]
+    return values[-max(_NOW, len(values) // 5) :], values[: max(_BEFORE, len(values) // 3)]
 
 
 def _unlike(series: list[FlightSeries], quantity: ComparedQuantity) -> list[EscOutlier]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
-from analyzer.fleet.report.text import answer, counted, some_names
+from analyzer.fleet.report.text import answer, counted, no_rates, not_told, some_names
 from analyzer.views.terminal import escape as shown
 
 if TYPE_CHECKING:
@@ -86,12 +86,14 @@ def _page(report: FleetReport) -> Iterator[str]:
             )
             for one in report.rates
         ),
+        no_rates(report),
     )  # fmt: skip
     if report.since is not None:
         yield f"<h2>Worse since {escape(report.since.day)}</h2>"
         yield from _table(
             ("Rule", "Title", "Before", "After", "p"),
             ((o.rule, o.title, f"{o.before:.2f}", f"{o.after:.2f}", f"{o.p:.1e}") for o in report.since.worse),
+            "nothing" if report.since.vehicles else not_told(report.since),
         )
         seen = (
             f"{rule}: {'never' if factor is None else f'x{factor:g}'}" for rule, factor in report.since.seen.items()
@@ -112,10 +114,10 @@ def _page(report: FleetReport) -> Iterator[str]:
     yield "</html>\n"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]], none: str = "none") -> Iterator[str]:
     some = list(rows)
     if not some:
-        yield "<p>None.</p>"
+        yield f"<p>{escape(none[:1].upper() + none[1:])}.</p>"
         return
     yield from _rows(head, some[:_MOST])
     if len(some) > _MOST:

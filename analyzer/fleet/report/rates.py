@@ -18,7 +18,7 @@ from analyzer.fleet.report.statistics import (
 if TYPE_CHECKING:
     import duckdb
 
-_FEWEST = 10  # flights of a firmware that is compared
+FEWEST = 10  # flights of a firmware that is compared
 _HUNDRED_HOURS = 100.0
 # Of each firmware of ESCs the captures in which it flew; of each rule the captures in which an ESC broke it.
 _VIEWS = """
@@ -43,7 +43,7 @@ def by_software(answers: duckdb.DuckDBPyConnection) -> tuple[list[SoftwareUse], 
     ).fetchall():
         uses.append(SoftwareUse(software, flights, sum(some.values()), tuple(some)))
         hours[software] = some
-    compared = [one for one in uses if one.flights >= _FEWEST]
+    compared = [one for one in uses if one.flights >= FEWEST]
     broken: dict[str, _Broken] = {}
     for rule, title, software, vehicle, count in answers.execute(
         "select rule, min(title), software, vehicle, count(distinct key) from broken "

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
+from analyzer.fleet.report.rates import FEWEST
+from analyzer.report.lines import wrap
 from analyzer.views.terminal import display_width, escape, fit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst
+    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst, SinceThen
 
 _MOST = 5  # rows of a table on the screen
 _NAME = 24  # columns of a name in a sentence
@@ -38,13 +39,13 @@ def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> st
 
 def _head(report: FleetReport, width: int) -> Iterator[str]:
     head = report.head
-    yield from wrap(f"Fleet {escape(head.store)}  {answer(report)}", width)
+    yield from wrap(f"Fleet {escape(head.store)}: {answer(report)}", width)
     yield from wrap(counted(head), width)
     rules = " ".join(one[:4] for one in head.settings)
     mixed = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
     yield from wrap(
         f"{_of(head.vehicles, 'vehicle')}, {_hours(head.flight_hours)} in {_of(head.flights, 'flight')}, "
-        f"{head.first_day or '?'} to {head.last_day or '?'}  tailbyte {' '.join(head.versions)}, rules {rules}{mixed}",
+        f"{head.first_day or '?'} to {head.last_day or '?'}, tailbyte {' '.join(head.versions)}, rules {rules}{mixed}",
         width,
     )
 
@@ -105,10 +106,10 @@ def _open_first(some: Sequence[OpenFirst], width: int) -> Iterator[str]:
     for one in some[:_MOST]:
         what = f" {escape(one.vehicle) or '?'} {one.date}  {one.title}, {one.support}"
         command = escape(one.command)
-        if len(what) + len(command) + 2 <= width:
-            yield f"{what:<{width - len(command)}}{command}"
+        if display_width(what) + display_width(command) + 2 <= width:
+            yield f"{_padded(what, width - display_width(command))}{command}"
         else:
-            yield from wrap(what.strip(), width, initial_indent=" ", subsequent_indent="   ")
+            yield from wrap(what, width, first=" ", indent="   ")
             yield f"   {command}"
     if len(some) > _MOST:
         yield f" and {len(some) - _MOST} more: --json -"
@@ -159,7 +160,11 @@ def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str
         return
     uses = sorted(report.software, key=lambda one: -one.hours)[:most]
     for one in uses:
-        yield f" {escape(one.software)}: {_of(one.flights, 'flight')}, {_hours(one.hours)}, {some_names(one.vehicles)}"
+        flights = _of(one.flights, "flight") + (
+            "" if one.flights >= FEWEST else f" (fewer than {FEWEST}: not compared)"
+        )
+        use = f" {escape(one.software)}: {flights}, {_hours(one.hours)}, {some_names(one.vehicles)}"
+        yield from wrap(use, width, first=" ", indent="   ")
     if most is not None and len(report.software) > most:
         yield f" and {len(report.software) - most} more: --by software"
     rules = _by_weight(report)
@@ -167,13 +172,13 @@ def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str
     for rule in rules[:most]:
         if not any(one.differs for one in report.rates if one.rule == rule) and most is not None:
             count = sum(one.captures for one in report.rates if one.rule == rule)
-            mostly = next((f", {one.of_most:,} of {escape(one.most)}" for one in of_one if one.rule == rule), "")
+            mostly = next((f", {one.of_most:,} of {_short(one.most)}" for one in of_one if one.rule == rule), "")
             yield f" {rule:<9} {_of(count, 'capture')}, no difference seen{mostly}"
             continue
         for rate in sorted((one for one in report.rates if one.rule == rule), key=lambda one: -one.rate)[:most]:
             mark = "  * more than the others" if rate.differs else ""
             amount = f"{_rate(rate.rate)} [{_rate(rate.low)}-{_rate(rate.high)}]"
-            yield f" {rate.rule:<9} {escape(rate.software)[:22]:<22} {amount}{mark}"
+            yield f" {rate.rule:<9} {_padded(escape(rate.software), 22)} {amount}{mark}"
             if rate.differs and not rate.separable:
                 only = (
                     f"{escape(rate.software)} flies only on {some_names(rate.only_on)}, where no other firmware flies:"
@@ -181,13 +186,19 @@ def _software(report: FleetReport, most: int | None, width: int) -> Iterator[str
                 yield from wrap(
                     f"{only} vehicle and firmware are not separable",
                     width,
-                    initial_indent="   ",
-                    subsequent_indent="   ",
+                    first="   ",
+                    indent="   ",
                 )
     if not rules:
-        yield " no ESC breaks a rule"
+        yield f" {no_rates(report)}"
     elif most is not None and len(rules) > most:
         yield f" and {len(rules) - most} rules more: --by software"
+
+
+def no_rates(report: FleetReport) -> str:
+    """Return why there are no rates of rules."""
+    compared = any(one.flights >= FEWEST for one in report.software)
+    return "no ESC breaks a rule" if compared else f"nothing is compared: no firmware has {FEWEST} flights"
 
 
 def _by_weight(report: FleetReport) -> list[str]:
@@ -215,18 +226,21 @@ def _since(report: FleetReport, width: int) -> Iterator[str]:
         yield "Worse since ...   --since 7d, or a day"
         return
     if not then.vehicles:
-        which = "vehicle flew before and after it" if then.hours_before and then.hours_after else "flight"
-        which += "" if then.hours_before and then.hours_after else f" {'before' if then.hours_after else 'after'} it"
-        yield f"Worse since {then.day}   cannot tell: no {which}"
+        yield f"Worse since {then.day}   {not_told(then)}"
         return
     yield f"Worse since {then.day}   {'' if then.worse else 'nothing'}".rstrip()
     for one in then.worse:
-        yield f" {one.rule:<9} {_rate(one.before)} -> {_rate(one.after)} per 100 h  {one.title}"
+        yield fit(f" {one.rule:<9} {_rate(one.before)} -> {_rate(one.after)} per 100 h  {one.title}", width)
     if then.seen:
         grown = [f"{rule} x{factor:g}" if factor else f"{rule} never" for rule, factor in list(then.seen.items())[:6]]
-        yield from wrap(
-            f"growth that would have been seen: {', '.join(grown)}", width, initial_indent=" ", subsequent_indent="  "
-        )
+        yield from wrap(f"growth that would have been seen: {', '.join(grown)}", width, first=" ", indent="  ")
+
+
+def not_told(then: SinceThen) -> str:
+    """Return why nothing can be said of a day of which no vehicle tells both sides."""
+    if then.hours_before and then.hours_after:
+        return "cannot tell: no vehicle flew before and after it"
+    return f"cannot tell: no flight {'before' if then.hours_after else 'after'} it"
 
 
 def _of(count: int, what: str) -> str:
@@ -238,13 +252,13 @@ def _rule(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     for one in report.rules[:most]:
         whose = f"of {_of(one.vehicles, 'vehicle')}" if one.vehicles else ""  # captures may name none
         if one.one_of_them:
-            whose += f", {one.of_most:,} of {escape(one.most)}"
+            whose += f", {one.of_most:,} of {_short(one.most)}"
         line = f" {one.rule:<9} {one.severity:<8} {_of(one.captures, 'capture'):<14} {whose:<15}"
-        if len(line) + len(one.title) < width:
+        if display_width(line) + display_width(one.title) < width:
             yield f"{line} {one.title}"
         else:
             yield line.rstrip()
-            yield f"           {one.title}"
+            yield from wrap(one.title, width, first=" " * 11, indent=" " * 11)
     if most is not None and len(report.rules) > most:
         yield f" and {len(report.rules) - most} more: --by rule"
 
@@ -265,7 +279,7 @@ def _last(report: FleetReport, width: int) -> Iterator[str]:
         else "Duplicates none"
     )
     for one in report.unread[:_MOST]:
-        yield from wrap(f"{one.outcome} {escape(one.url)}: {escape(one.error)}", width, subsequent_indent="  ")
+        yield from wrap(f"{one.outcome} {escape(one.url)}: {escape(one.error)}", width, indent="  ")
     if len(report.unread) > _MOST:
         yield f"and {len(report.unread) - _MOST} more without a result: --json -"
 

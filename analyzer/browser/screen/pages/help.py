@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.keys import help_lines
 from analyzer.browser.screen.pages.page import ScreenPage
 from analyzer.browser.screen.styles import NAMED
+from analyzer.report.lines import wrap
 from analyzer.views.terminal import fit
 
 if TYPE_CHECKING:

@@ -55,7 +55,7 @@ class ScreenPage(ModalScreen[None]):
 
     def leave(self, action: str = "") -> None:
         """Go back to the panes, once."""
-        if self.is_current:
+        if self.app.screen is self:
             self.chosen = action
             self.dismiss()
 
