@@ -143,3 +143,14 @@ def test_a_report_of_what_cannot_be_opened_has_no_verdict(tmp_path: Path, capfd:
     assert main(["triage", str(tmp_path / "none.log"), "--html", str(tmp_path / "triage.html")]) == 3
     assert not (tmp_path / "triage.html").exists()
     assert "Traceback" not in capfd.readouterr().err
+
+
+def test_motors_that_stop_where_something_broke_are_no_landing() -> None:
+    """The table of flights and the drawn time line say of it what the screen says."""
+    page = render(of("zero-in-air.log"))
+    assert "landed" not in page
+    assert "flight 1, motors stopped" in page
+    well = replace(of("zero-in-air.log"), verdicts=[replace(of("zero-in-air.log").first, kind="none", support="")])
+    calm = render(replace(well, after=(), primary=()))
+    assert "flight 1, landed" in calm
+    assert "motors stopped" not in calm

@@ -126,6 +126,11 @@ class Triage:
         """True if a flight was judged, and nothing wrong was seen in it to its end."""
         return self.first.kind == "none" and not self.judged and not self.wrong
 
+    def ending(self, flight: Flight) -> str:
+        """Say how a flight ended: motors that stop are no landing where not all was well in the judged one."""
+        judged = self.flight is not None and flight.number == self.flight.number
+        return "motors stopped" if flight.end == "landed" and judged and not self.well else flight.end
+
     @property
     def wrong(self) -> bool:
         """True if something wrong was seen in a flight, whether or not anybody can tell its cause."""

@@ -19,8 +19,9 @@ from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from analyzer.flight.flights import Flight
     from analyzer.flight.timeline.lanes import EventMark, TimeLane
     from analyzer.flight.timeline.strands import Strand
     from analyzer.flight.timeline.timeline import TimeLine
@@ -55,10 +56,13 @@ class _Sheet:
     prefix: str
 
 
-def draw(line: TimeLine, words: TriageWords, styles: Mapping[int, str], prefix: str) -> dict[str, Any]:
+def draw(
+    line: TimeLine, words: TriageWords, styles: Mapping[int, str], prefix: str, ending: Callable[[Flight], str]
+) -> dict[str, Any]:
     """Return what a template needs to show a time line.
 
-    `styles` are classes of events by their `id`, `prefix` with their number is where they stand on the page.
+    `styles` are classes of events by their `id`, `prefix` with their number is where they stand on the page,
+    `ending` says how a flight ended.
     """
     shown = _shown(line, styles)
     tops = {name: _top(name, [lane.strands[name] for lane in shown if name in lane.strands]) for name in _ORDER}
@@ -66,7 +70,7 @@ def draw(line: TimeLine, words: TriageWords, styles: Mapping[int, str], prefix: 
     used = [name for name in _ORDER if any(name in lane.strands for lane in shown)]
     modes = dict.fromkeys((stay.name, _style(stay.code, failed=stay.failed)) for lane in shown for stay in lane.stays)
     return {
-        "flights": _flights(sheet) if line.flights else "",
+        "flights": _flights(sheet, ending) if line.flights else "",
         "lanes": [(_name(lane), _told(lane), _lane(lane, sheet)) for lane in shown],
         "left": len(line.lanes) - len(shown),
         "axis": axis(sheet.span),
@@ -169,12 +173,12 @@ def _box(style: str, span: Span, start: int, end: int, y: int, height: int, titl
     )
 
 
-def _flights(sheet: _Sheet) -> Markup:
+def _flights(sheet: _Sheet, ending: Callable[[Flight], str]) -> Markup:
     """Draw when the vehicle flew."""
     parts = []
     for start, end, flight in sheet.line.flights:
         low, high = max(start, sheet.span.start), min(end, sheet.span.end)
-        text = f"flight {flight.number}, {flight.end}"
+        text = f"flight {flight.number}, {ending(flight)}"
         parts.append(_box("flight", sheet.span, low, high, 3, 13, text))
         if sheet.span.share(high) - sheet.span.share(low) > _LETTER * len(text):
             at = f"{sheet.span.share(low) + 0.3:.2f}"

@@ -38,8 +38,8 @@ def section(found: Triage, number: int = 1) -> dict[str, Any]:
         "parts": [(label, texts) for label, texts in _parts(found, words) if texts],
         "after": _told(found.after, words),
         "said": _told(found.said, words),
-        "figures": [draw(line, words, styles, prefix) for line in found.timelines],
-        "flights": [_flight(flight) for flight in found.flights[:ROWS]],
+        "figures": [draw(line, words, styles, prefix, found.ending) for line in found.timelines],
+        "flights": [_flight(flight, found.ending(flight)) for flight in found.flights[:ROWS]],
         "more_flights": max(len(found.flights) - ROWS, 0),
         "events": shown,
         "left": left + found.more,
@@ -93,13 +93,13 @@ def _is_told(one: FlightEvent, verdict: Any) -> bool:
     return bool(verdict.told and (one.first.t, one.first.frame) == (verdict.t_end, verdict.frame))
 
 
-def _flight(one: Any) -> dict[str, Any]:
+def _flight(one: Any, how: str) -> dict[str, Any]:
     return {
         "number": one.number,
         "start": moment(one.first.t)[:-3],
         "end": clock(one.last.t),
         "seconds": f"{(one.last.ran - one.first.ran) / SECOND:.1f}",
-        "how": one.end,
+        "how": how,
         "chs": ", ".join(f"ch{ch}" for ch in one.chs) or MISSING,
         "by": one.by,
     }

@@ -76,9 +76,8 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            stopped = found.flight.end == "landed" and not found.well  # that may have been no landing
-            how = found.flight.end if not stopped else "motors stopped" if count == 1 else "stopped"
-            flights += f", {'last: ' if count > 1 else ''}{how}"
+            how = found.ending(found.flight)
+            flights += f", {how}" if count == 1 else f", last: {how.removeprefix('motors ')}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
         if display_width(name) + display_width(behind) > self._width:
