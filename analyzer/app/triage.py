@@ -134,7 +134,9 @@ class RunTriage:
         )  # fmt: skip
 
     def _next(self, verdict: Verdict, flight: Flight | None) -> Sequence[str]:
-        """Return at most three commands that can be pasted."""
+        """Return at most three commands that can be pasted: none about a bus, which nothing reads again."""
+        if self._run.source.live and "-" not in self._run.request.names:
+            return ()
         names = " ".join(quote(name) for name in self._run.request.names)
         chosen = f" --flight {flight.number}" if flight is not None else ""
         if verdict.t_end is None:

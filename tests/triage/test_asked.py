@@ -8,7 +8,12 @@ import pytest
 from kit import CAPTURES
 
 import analyzer
+from analyzer.app.request import Request
+from analyzer.app.run import Run
+from analyzer.app.triage import RunTriage
 from analyzer.report.triage.text import render
+from analyzer.sources.merge import open_captures
+from analyzer.sources.origin import given
 
 LOST = CAPTURES / "propeller-lost.log"
 
@@ -48,3 +53,15 @@ def test_the_head_says_whose_time_it_is(utc: bool, zone: str) -> None:
 def test_the_plot_to_look_at_is_around_the_moment() -> None:
     found = analyzer.triage(LOST)
     assert found.commands[2] == f"tailbyte plot {LOST} --around {found.first.frame + 1}+-5s"
+
+
+def test_no_command_reads_a_bus_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Run(Request(("can0",)), source=open_captures((given(LOST),)))
+    monkeypatch.setattr(type(run.source), "live", property(lambda _: True, lambda *_: None))
+    looked = RunTriage(run)
+    for _ in looked.over(run.inside()):
+        pass
+    found = looked.found()
+    assert found.first.told
+    assert found.commands == ()
+    assert "Next" not in render(found)
