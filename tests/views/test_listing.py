@@ -203,6 +203,22 @@ def test_frames_are_found_across_batches_and_forgotten_in_time(decode: Callable[
     assert window(5).data[-1] == 0xC5
 
 
+def test_bytes_of_a_transfer_that_takes_many_batches_are_there(
+    decode: Callable[..., Any], registry: Registry, flush: object
+) -> None:
+    """A session looks several times a second, and a transfer may take 2 s."""
+    slow = encode.transfer("RawCommand", {"cmd": [8191] * 8}, 1, 7).frames()
+    other = lines(encode.transfer("RawCommand", {"cmd": [1, 2]}, 2, 0).frames())
+    got = decode(*(piece for frame in slow for piece in (lines([frame]), flush, other, flush)))
+    window = FrameWindow()
+    shown = []
+    for batch in got.batches:
+        window.feed(batch)
+        shown += dumped(batch, registry, window)
+    assert len([line for line in shown if "1F040601" in line]) == len(slow) == 3
+    assert not [line for line in shown if "no longer kept" in line]
+
+
 @examples(60)
 @given(capture=captures())
 def test_no_view_fails_or_lets_control_characters_out(

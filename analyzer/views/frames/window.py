@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors.kit import Array
 
+KEPT = 1 << 17  # frames
+_FEW, _MOST = 2, 64  # batches
 _COLUMNS = ("id", "flags", "data")  # of frames, as they are asked for by number
 _LENGTH_CODE = 8  # lowest bit of it in the flags
 
@@ -58,22 +60,29 @@ if TYPE_CHECKING:
 
 
 class FrameWindow:
-    """Frames of the last few batches, by frame number from 0: `window.feed(batch)`, then `window(number)`.
+    """The last frames, by frame number from 0: `window.feed(batch)`, then `window(number)`.
 
-    Transfers end in the batch they are listed in, but may begin in an earlier one. What is gone gives None.
+    Transfers end in the batch they are listed in, but may begin in an earlier one: batches are kept that hold so many
+    `frames`, and the one before the last in any case. What is gone gives None.
     """
 
-    def __init__(self, batches: int = 4) -> None:
+    def __init__(self, frames: int = KEPT) -> None:
         self._batches: OrderedDict[int, pa.RecordBatch] = OrderedDict()
-        self._limit = batches
+        self._kept, self._held = frames, 0
         self._open: tuple[int, list[tuple[int, bytes, int, int | None, int]]] = (0, [])
 
     def feed(self, batch: Batch) -> None:
-        """Keep the batch's frames, and forget those of the oldest batch when there are too many."""
+        """Keep the batch's frames, and forget those of the oldest batches when there are too many."""
         if len(batch.frames):
             self._batches[batch.first_frame] = batch.frames
-        while len(self._batches) > self._limit:
-            self._batches.popitem(last=False)
+            self._held += len(batch.frames)
+        while len(self._batches) > _FEW and self._is_full():
+            _, gone = self._batches.popitem(last=False)
+            self._held -= len(gone)
+
+    def _is_full(self) -> bool:
+        oldest = next(iter(self._batches.values()))
+        return len(self._batches) > _MOST or self._held - len(oldest) >= self._kept
 
     def rows(self, places: Array) -> dict[str, pa.Array]:
         """Return the columns `id`, `flags` and `data` of frames, null for those that are gone."""
