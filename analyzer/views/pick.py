@@ -32,9 +32,9 @@ class Pick:
     def __init__(self, batch: Batch, rows: Array | None = None) -> None:
         self._whole = batch
         self._some = np.arange(len(batch.transfers)) if rows is None else np.asarray(rows, np.int64)
-        self.cut = len(self._some) * _FEW <= len(batch.transfers)
-        self.batch = self._own() if self.cut else batch
-        self.rows = np.arange(len(self._some)) if self.cut else self._some
+        self._cut = len(self._some) * _FEW <= len(batch.transfers)
+        self.batch = self._own() if self._cut else batch
+        self.rows = np.arange(len(self._some)) if self._cut else self._some
 
     def __len__(self) -> int:
         """Return how many transfers are shown."""
@@ -49,7 +49,7 @@ class Pick:
             return clock.elapsed(self.batch.transfers.column("t"), self.rows)
         transfers = self._whole.transfers
         elapsed = clock.elapsed(transfers.column("t"), np.argsort(first_frames(transfers), kind="stable"))
-        return elapsed.take(pa.array(self._some)) if self.cut else elapsed
+        return elapsed.take(pa.array(self._some)) if self._cut else elapsed
 
     def _own(self) -> Batch:
         transfers = self._whole.transfers.take(pa.array(self._some))

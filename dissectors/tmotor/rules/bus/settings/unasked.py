@@ -43,21 +43,19 @@ class Unasked(Rule):
                     since=t[found] - long, each_named=True,
                 )  # fmt: skip
         if settings is not None:
-            self._asked |= dict(zip(settings.bus.tolist(), end(view, settings, _all(settings)).tolist(), strict=True))
+            self._asked |= dict(
+                zip(settings.bus.tolist(), end(view, settings, np.arange(len(settings))).tolist(), strict=True)
+            )
 
     def _before(self, view: View, settings: DecodedTable | None, table: DecodedTable, rows: Array) -> Array:
         """Return the end of the last ParamCfg before each row, `NO_TIME` if there was none."""
         found = np.full(len(rows), NO_TIME)
         for bus in np.unique(table.bus[rows]).tolist():
-            mine, times = table.bus[rows] == bus, [self._asked.get(bus, NO_TIME)]
-            asks = np.empty(0, np.int64) if settings is None else np.flatnonzero(settings.bus == bus)
-            if settings is not None and len(asks):
+            mine, times = np.flatnonzero(table.bus[rows] == bus), np.array([self._asked.get(bus, NO_TIME)])
+            at = np.zeros(len(mine), np.int64)
+            if settings is not None:
+                asks = np.flatnonzero(settings.bus == bus)
                 at = np.searchsorted(settings["transfer"][asks], table["transfer"][rows[mine]])
-                found[mine] = np.append(times, end(view, settings, asks))[at]
-            else:
-                found[mine] = times[0]
+                times = np.append(times, end(view, settings, asks))
+            found[mine] = times[at]
         return found
-
-
-def _all(table: DecodedTable) -> Array:
-    return np.arange(len(table))
