@@ -31,13 +31,15 @@ class _Hidden:
 def alone() -> None:
     """Say that nobody else uses this process; to be called before anything heavy is imported.
 
-    numpy's linear algebra, which nothing here needs, would start a thread for each core: a tenth of a second. What is
+    numpy's linear algebra, which nothing here needs, would start a thread for each core: a tenth of a second. Arrow
+    would keep memory of its own beside everybody else's, and clear each page anew that it had given back. What is
     made while a command starts lives until it ends: no garbage is looked for in it, neither then nor at the end. Where
     thousands of findings are made, hardly anything is garbage that refers to itself: it is looked for seldom.
     """
     global _ours  # noqa: PLW0603 - a property of the process
     _ours = True
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     usual = gc.get_threshold()
 
     def settle(phase: str, _: object) -> None:
