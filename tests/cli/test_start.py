@@ -77,23 +77,26 @@ def test_the_version_is_that_of_the_installation() -> None:
     assert version() == known
 
 
-def threads_wanted(code: str) -> str:
-    report = "; import os, sys; print('wants', os.environ.get('OPENBLAS_NUM_THREADS'), file=sys.stderr)"
+def asked_of(name: str, code: str) -> str:
+    """Return what a library finds in the environment once some code has run with `--version`."""
+    report = f"; import os, sys; print('asked', os.environ.get({name!r}), file=sys.stderr)"
     env = environment()
-    env.pop("OPENBLAS_NUM_THREADS", None)
+    env.pop(name, None)
     command = [sys.executable, "-c", code + report, "--version"]
     done = subprocess.run(command, env=env, capture_output=True, timeout=LIMIT, check=True)
     return done.stderr.decode().split()[-1]
 
 
-def test_only_the_program_itself_asks_for_one_thread_of_linear_algebra() -> None:
-    assert threads_wanted("from analyzer.cli import main; main()") == "1"
-    assert threads_wanted("from analyzer.cli import main; main(['--version'])") == "None"
-    assert threads_wanted("import analyzer") == "None"
-    assert (
-        threads_wanted("import os; os.environ['OPENBLAS_NUM_THREADS'] = '3'; from analyzer.cli import main; main()")
-        == "3"
-    )
+@pytest.mark.parametrize(
+    ("name", "ours", "theirs"),
+    [("OPENBLAS_NUM_THREADS", "1", "3"), ("ARROW_DEFAULT_MEMORY_POOL", "system", "mimalloc")],
+)
+def test_only_the_program_itself_tells_libraries_how_to_use_the_process(name: str, ours: str, theirs: str) -> None:
+    assert asked_of(name, "from analyzer.cli import main; main()") == ours
+    assert asked_of(name, "from analyzer.cli import main; main(['--version'])") == "None"
+    assert asked_of(name, "import analyzer") == "None"
+    chosen = f"import os; os.environ[{name!r}] = {theirs!r}; from analyzer.cli import main; main()"
+    assert asked_of(name, chosen) == theirs
 
 
 ARROW = """
