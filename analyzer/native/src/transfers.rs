@@ -268,6 +268,12 @@ impl Transfers {
     }
 }
 
+impl Sink for Option<Box<Transfers>> {
+    fn push(&mut self, row: &Row<'_>) {
+        self.get_or_insert_default().push(row);
+    }
+}
+
 impl Sink for Transfers {
     fn push(&mut self, row: &Row<'_>) {
         self.t.push(row.t);

@@ -90,13 +90,17 @@ impl Kept {
     }
 }
 
+/// A row of some transfers.
+type Transfer<'t> = (&'t Transfers, usize);
+
 /// The evidence about one session.
 #[derive(Debug, Default)]
 pub struct Probation {
     pub held: Vec<Held>,
     /// All that came, if it may be anonymous after all.
     pub kept: Vec<Kept>,
-    pub transfers: Transfers,
+    /// None before the first one: a bus full of noise opens a session with nearly every frame.
+    pub transfers: Option<Box<Transfers>>,
     cadence: Cadence,
     /// A known type that once was foreign has to bring a real proof.
     strict: bool,
@@ -146,10 +150,11 @@ impl Probation {
     }
 
     pub fn judge(&mut self, session: &Session, source_is_known: bool) -> Judgement {
-        if self.transfers.len() > self.seen && self.proven(session, source_is_known) {
+        let transfers = self.transfers.as_ref().map_or(0, |rows| rows.len());
+        if transfers > self.seen && self.proven(session, source_is_known) {
             return Judgement::Believe;
         }
-        self.seen = self.transfers.len();
+        self.seen = transfers;
         let counts = session.is_known() && session.id.kind != Kind::Anonymous;
         if counts && self.cadence.proves(source_is_known) {
             return Judgement::Believe;
@@ -198,8 +203,7 @@ impl Probation {
     }
 
     fn proven(&self, session: &Session, source_is_known: bool) -> bool {
-        let rows = &self.transfers;
-        let checked = |row: usize| rows.status[row] == Status::Ok as u8 && rows.crc_valid[row] == 3;
+        let checked = |(rows, row): Transfer<'_>| rows.status[row] == Status::Ok as u8 && rows.crc_valid[row] == 3;
         if self.complete().any(checked) {
             return true;
         }
@@ -231,22 +235,24 @@ impl Probation {
         }
     }
 
-    fn complete(&self) -> impl Iterator<Item = usize> + '_ {
+    fn complete(&self) -> impl Iterator<Item = Transfer<'_>> {
         let whole = [Status::Ok as u8, Status::Unchecked as u8, Status::BadCrc as u8];
-        (0..self.transfers.len()).filter(move |&row| {
-            let toggled = self.transfers.anomaly[row] & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
-            whole.contains(&self.transfers.status[row]) && !toggled
+        let all = self.transfers.as_deref().into_iter();
+        let all = all.flat_map(|rows| (0..rows.len()).map(move |row| (rows, row)));
+        all.filter(move |&(rows, row)| {
+            let toggled = rows.anomaly[row] & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
+            whole.contains(&rows.status[row]) && !toggled
         })
     }
 
     fn rising_run(&self) -> bool {
         let mut run = 0;
         let mut next = None;
-        for row in self.complete() {
-            let id = self.transfers.transfer_id[row];
+        for (rows, row) in self.complete() {
+            let id = rows.transfer_id[row];
             run = if next == Some(id) { run + 1 } else { 1 };
             next = Some((id + 1) & 31);
-            if run >= RUN && self.transfers.kind[row] != Kind::Anonymous as u8 {
+            if run >= RUN && rows.kind[row] != Kind::Anonymous as u8 {
                 return true;
             }
         }
@@ -255,8 +261,8 @@ impl Probation {
 
     /// Two multi-frame transfers of an unknown type whose CRCs run back to one start value.
     fn one_start_value(&self) -> bool {
-        let multi = self.complete().filter(|&row| self.transfers.crc_valid[row] == 1);
-        let mut starts = multi.map(|row| crc_start_from(self.transfers.crc_wire[row], self.transfers.payload_of(row)));
+        let multi = self.complete().filter(|&(rows, row)| rows.crc_valid[row] == 1);
+        let mut starts = multi.map(|(rows, row)| crc_start_from(rows.crc_wire[row], rows.payload_of(row)));
         let Some(mut last) = starts.next() else {
             return false;
         };

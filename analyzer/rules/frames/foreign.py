@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.facts.identifiers import NOBODY
 from analyzer.tables import EXTENDED, FRAME_ANOMALIES, VERDICTS
 from dissectors.kit import Occurrence, Occurrences, Rule
@@ -42,6 +43,15 @@ class _Rows(NamedTuple):
     def at(self, rows: Array) -> _Rows:
         return _Rows(*(column[rows] for column in self))
 
+    @property
+    def identifier(self) -> Array:
+        """Those of different buses are different."""
+        return self.bus.astype(np.int64) << 32 | self.id
+
+    @property
+    def session(self) -> Array:
+        return self.bus.astype(np.int64) << 32 | session_bits(self.id, np.array(_FOREIGN))
+
 
 class Foreign(Rule):
     """One finding an identifier and bus, each of its frames an occurrence."""
@@ -66,7 +76,7 @@ class Foreign(Rule):
         f = view.frames
         if f.verdict.any():
             rows = np.flatnonzero((f.verdict == _FOREIGN) & (f.flags & EXTENDED != 0))
-            self._hold(view, _Rows(rows + f.first, f.t[rows], f.bus[rows].astype(np.int64), f.id[rows]))
+            self._hold(view, _Rows(rows + f.first, f.t[rows], f.bus[rows], f.id[rows]))
             self._marked += (rows[f.anomaly[rows] & _CYPHAL != 0] + f.first).tolist()
         if self._waiting >= self._again:
             yield from self._release(PROBATION)
@@ -89,45 +99,52 @@ class Foreign(Rule):
             return
         self._held.append(rows)
         self._waiting += len(rows.number)
-        keys, place = np.unique(rows.bus << 32 | rows.id, return_inverse=True)
-        for index, key in enumerate(keys.tolist()):
+        identifier = rows.identifier
+        for key in self._opened(identifier):
             seen = self._seen.get(key, 0)
-            if seen < SHOWN and (seen or len(self._seen) < MOST_NAMED):
-                mine = np.flatnonzero(place == index)[: SHOWN - seen]
-                self._seen[key] = seen + len(mine)
-                self._lines |= {number: view.lines((number,)) for number in rows.number[mine].tolist()}
+            mine = np.flatnonzero(identifier == key)[: SHOWN - seen]
+            self._seen[key] = seen + len(mine)
+            self._lines |= {number: view.lines((number,)) for number in rows.number[mine].tolist()}
+
+    def _opened(self, identifier: Array) -> list[int]:
+        """Return which of these identifiers may have more frames whose bytes are kept."""
+        known = self._seen
+        if len(known) < MOST_NAMED:
+            came: list[int] = np.unique(identifier).tolist()
+            new = [key for key in came if key not in known][: MOST_NAMED - len(known)]
+            return [*new, *(key for key in came if known.get(key, SHOWN) < SHOWN)]
+        waiting = np.array([key for key, seen in known.items() if seen < SHOWN], np.int64)
+        found: list[int] = waiting[np.isin(waiting, identifier)].tolist()
+        return found
 
     def _release(self, patience: int) -> Iterator[Occurrences | Occurrence]:
         """Yield of each session all but the last `patience` frames."""
         if not self._held:
             return
-        joined = _Rows(*(np.concatenate(columns) for columns in zip(*self._held, strict=True)))
-        _, first = np.unique(joined.number, return_index=True)
-        rows = joined.at(first)
-        wrong = np.isin(rows.number, np.array(self._cleared, np.int64))
-        for number in self._cleared:
-            self._lines.pop(number, None)
-        rows = rows.at(np.flatnonzero(~wrong))
-        session = rows.bus << 32 | session_bits(rows.id, np.full(len(rows.id), _FOREIGN))
-        marked = np.isin(rows.number, np.array(self._marked, np.int64))
-        self._cyphal.update(session[marked].tolist())
+        held, self._held = self._held, []
+        rows = held[0] if len(held) == 1 else _Rows(*map(np.concatenate, zip(*held, strict=True)))
+        del held  # it is large
+        if (np.diff(rows.number) <= 0).any():  # some were foreign after all
+            rows = rows.at(np.unique(rows.number, return_index=True)[1])
+        if self._cleared:
+            rows = rows.at(np.flatnonzero(np.isin(rows.number, np.array(self._cleared, np.int64), invert=True)))
+            for number in self._cleared:
+                self._lines.pop(number, None)
+        if self._marked:
+            marked = np.isin(rows.number, np.array(self._marked, np.int64))
+            self._cyphal.update(rows.at(np.flatnonzero(marked)).session.tolist())
         self._cleared, self._marked = [], []
-        done = _from_end(rows.bus << 32 | rows.id & 0xFF_FFFF) >= patience
+        done = _from_end(rows.bus.astype(np.int64) << 32 | rows.id & 0xFF_FFFF) >= patience
         done[: max(0, len(rows.number) - MOST_HELD)] = True
-        kept = rows.at(np.flatnonzero(~done))
+        kept, rows = rows.at(np.flatnonzero(~done)), rows.at(np.flatnonzero(done))
         self._held, self._waiting = [kept], len(kept.number)
-        yield from self._found(rows.at(np.flatnonzero(done)), session[done])
+        yield from self._found(rows)
 
-    def _found(self, rows: _Rows, session: Array) -> Iterator[Occurrences | Occurrence]:
+    def _found(self, rows: _Rows) -> Iterator[Occurrences | Occurrence]:
         if not len(rows.number):
             return
-        keys, at = np.unique(rows.bus << 32 | rows.id, return_index=True)
-        for key in keys[np.argsort(at)].tolist():
-            if len(self._named) < MOST_NAMED:
-                self._named.add(key)
-            elif key not in self._named and self._further is None:
-                self._further = key
-        identifier = rows.bus << 32 | rows.id
+        identifier = rows.identifier
+        self._name(identifier)
         named = np.isin(identifier, np.array(sorted(self._named), np.int64))
 
         def values(row: int) -> Values:
@@ -137,7 +154,8 @@ class Foreign(Rule):
                     "protocol": f"the first of all identifiers beyond {MOST_NAMED} that are not DroneCAN",
                 }
             can_id = int(rows.id[row])
-            return {"can_id": can_id, "protocol": protocol(can_id, cyphal=int(session[row]) in self._cyphal)}
+            session = int(rows.bus[row]) << 32 | session_of(can_id, _FOREIGN)
+            return {"can_id": can_id, "protocol": protocol(can_id, cyphal=session in self._cyphal)}
 
         shown = np.isin(rows.number, np.fromiter(self._lines, np.int64, len(self._lines)))
         for row in np.flatnonzero(shown).tolist():
@@ -152,6 +170,18 @@ class Foreign(Rule):
             values=lambda k: values(int(rest[k])), frames=lambda k: (int(rows.number[rest[k]]),),
             key=np.where(named[rest], identifier[rest], NOBODY),
         )  # fmt: skip
+
+    def _name(self, identifier: Array) -> None:
+        """Give identifiers findings of their own in the order in which they came, as long as there are some."""
+        if self._further is not None:
+            return
+        keys, at = np.unique(identifier, return_index=True)
+        for key in keys[np.argsort(at)].tolist():
+            if len(self._named) < MOST_NAMED:
+                self._named.add(key)
+            elif key not in self._named:
+                self._further = key
+                return
 
 
 def session_bits(identifier: Array, verdict: Array) -> Array:
@@ -187,8 +217,10 @@ def _cyphal_form(identifier: int) -> bool:
 
 def _from_end(keys: Array) -> Array:
     """Return how many later entries have the same key."""
-    order = np.argsort(keys, kind="stable")
-    _, counts = np.unique(keys, return_counts=True)
+    if not len(keys):
+        return keys
+    order, begins = grouped(keys)
     after = np.empty(len(keys), np.int64)
-    after[order] = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(keys))
+    ends = np.append(begins[1:], len(keys))
+    after[order] = np.repeat(ends, ends - begins) - 1 - np.arange(len(keys))
     return after

@@ -106,7 +106,7 @@ impl Reassembler {
         if believed {
             self.speakers[speaker] = true;
             *standing = Standing::Trusted;
-            if let (Some(asked), false) = (&mut self.asked, probation.transfers.is_empty()) {
+            if let (Some(asked), Some(_)) = (&mut self.asked, &probation.transfers) {
                 session.asked = asked(session.id);
             }
         } else {
@@ -121,8 +121,8 @@ impl Reassembler {
             let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
             self.correct(held.frame, held.reported, outcome);
         }
-        if believed {
-            self.staged.rows().append(probation.transfers);
+        if let (true, Some(transfers)) = (believed, probation.transfers) {
+            self.staged.rows().append(*transfers);
         }
     }
 

@@ -17,7 +17,7 @@ class PeriodHistogram:
     _HIGH = int(np.float32(1e11).view(np.int32)) >> 13
 
     def __init__(self) -> None:
-        self._bins = np.zeros(self._HIGH - self._LOW + 1, np.int64)
+        self._bins = np.zeros(self._HIGH - self._LOW + 1, np.uint32)  # a device has one: half as many bytes
         self.count = 0
 
     def feed(self, periods: Array) -> None:
@@ -28,7 +28,7 @@ class PeriodHistogram:
         code = (periods.astype(np.float32).view(np.int32) >> 13).clip(self._LOW, self._HIGH) - self._LOW
         low = int(code.min())
         counted = np.bincount(code - low)
-        self._bins[low : low + len(counted)] += counted
+        self._bins[low : low + len(counted)] += counted.astype(np.uint32)
         self.count += len(periods)
 
     def below(self, share: float) -> float:
