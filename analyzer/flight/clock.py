@@ -130,6 +130,11 @@ class RowPlaces:
             return known
         return self._spot(row)
 
+    def spots(self, rows: Array) -> list[Spot]:
+        """Return those at some places."""
+        places = rows if self._rows is None else self._rows[rows]
+        return list(map(Spot._make, zip(*(column[places].tolist() for column in self._columns), strict=True)))
+
     def _spot(self, row: int) -> Spot:
         place = row if self._rows is None else self._rows.item(row)
         t, ran, frame, frame_end, step = self._columns

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.flight.thresholds import lasting
-from analyzer.tables import STATUSES, TRANSFER_ANOMALIES
+from analyzer.tables import STATUSES, TRANSFER_ANOMALIES, TRANSFER_IDS
 from dissectors.kit.cells import numbers
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock, Spot
+    from dissectors.kit import Array
 
 MOST_ENTRIES = 1 << 18
 _GAP = 1 << TRANSFER_ANOMALIES.index("transfer id gap")
@@ -48,19 +50,34 @@ class LossesBySecond:
         broken = np.flatnonzero(np.isin(status, _BROKEN) & timed)
         if not len(gaps) and not len(again) and not len(broken):
             return
-        bus, src, step = (numbers(transfers.column(name)) for name in ("bus", "src", "step"))
-        for rows, kept, counts in (
-            (gaps, self._missing, step[gaps].astype(int) - 1), (again, self._repeated, None),
-            (broken, self._broken, None),
+        node = numbers(transfers.column("bus")).astype(np.int64) << 8 | numbers(transfers.column("src"))
+        left_out = (numbers(transfers.column("step"))[gaps].astype(np.int64) - 1) % TRANSFER_IDS
+        for rows, kept, much in (
+            (gaps, self._missing, left_out), (again, self._repeated, np.ones_like(again)),
+            (broken, self._broken, np.ones_like(broken)),
         ):  # fmt: skip
-            seconds = (at.ran[rows] - (self._clock.start or 0)) // SECOND
-            places = zip(bus[rows].tolist(), src[rows].tolist(), seconds.tolist(), strict=True)
-            for k, (one, node, second) in enumerate(places):
-                key = (one, node), second
-                if key in kept or len(kept) < MOST_ENTRIES:
-                    if kept is self._missing and key not in kept:
-                        self._jumped[key] = at.at(int(rows[k]))
-                    kept[key] += 1 if counts is None else int(counts[k]) % 32
+            new: dict[tuple[Node, int], int] = {}
+            for key, row, count in self._summed(node[rows], rows, much):
+                if key not in kept:
+                    if len(kept) >= MOST_ENTRIES:
+                        continue
+                    new[key] = row
+                kept[key] += count
+            if new and kept is self._missing:
+                self._jumped.update(zip(new, at.spots(np.array(list(new.values()))), strict=True))
+
+    def _summed(self, node: Array, rows: Array, much: Array) -> Iterator[tuple[tuple[Node, int], int, int]]:
+        """Yield the nodes and seconds of some transfers as they come, with the first row of each, and the sum."""
+        if not len(rows):
+            return
+        seconds = (self._clock.transfers.ran[rows] - (self._clock.start or 0)) // SECOND
+        order, begins = grouped((seconds - seconds.min()) << 16 | node)
+        firsts, sums = order[begins], np.add.reduceat(much[order], begins)
+        place = np.argsort(firsts)
+        first = firsts[place]
+        columns = node[first], seconds[first], rows[first], sums[place]
+        for code, second, row, count in zip(*(column.tolist() for column in columns), strict=True):
+            yield ((code >> 8, code & 0xFF), second), row, count
 
     def broken(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfers of some nodes, or of all, were not whole in a time."""
