@@ -268,9 +268,11 @@ class RecordedClock:
         """Return the places of what else has a time, and the frame that it is at."""
         return self._placed(t, frame, frame, np.zeros(len(t), np.int64))
 
-    def places_of(self, hole: Hole) -> int:
-        """Return the recorded time at which a hole is."""
-        return int(self.shifted(np.array([hole.t_end]), np.array([hole.frame])).ran[0])
+    def places_of_holes(self) -> list[int]:
+        """Return the recorded times at which the kept holes are."""
+        columns = [hole.t_end for hole in self.holes], [hole.frame for hole in self.holes]
+        found: list[int] = self.shifted(*(np.array(column, np.int64) for column in columns)).ran.tolist()
+        return found
 
     def holes_before(self, frame: Array) -> Array:
         """Return how many of the kept holes end at or before each frame."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, TypeVar
 
 from analyzer.report.model import SEVERITIES, Place
@@ -38,7 +39,7 @@ class Problem:
     @property
     def severity(self) -> Severity:
         """The worst of all runs."""
-        return min((run.severity for run in self.runs), key=SEVERITIES.index)
+        return _least([run.severity for run in self.runs], SEVERITIES)
 
     @property
     def count(self) -> int:
@@ -65,7 +66,7 @@ class Problem:
     @property
     def baseline(self) -> str:
         """The worst comparison of a run with an older report."""
-        return min((run.baseline for run in self.runs), key=_BASELINES.index)
+        return _least([run.baseline for run in self.runs], _BASELINES)
 
     @property
     def open(self) -> bool:
@@ -93,6 +94,11 @@ class Problem:
         return [example for run in self.runs for example in run.examples][:MOST_EXAMPLES]
 
 
+def _least(values: Sequence[_Item], order: Sequence[_Item]) -> _Item:
+    """Return the value that comes first in an order; most problems have one run."""
+    return values[0] if len(values) == 1 else min(values, key=order.index)
+
+
 def _order(place: Place) -> tuple[int, int]:
     return (-1 if place.t_ns is None else place.t_ns, -1 if place.frame is None else place.frame)
 
@@ -102,7 +108,7 @@ def problems(findings: Iterable[Finding], alike: Sequence[str] = SAME) -> list[P
 
     As lines of a report, three and more nodes with the same problem are one, too.
     """
-    groups = _grouped(findings, lambda finding: tuple(getattr(finding, name) for name in alike))
+    groups = _grouped(findings, attrgetter(*alike))
     found = [Problem(tuple(group)) for group in groups]
     if tuple(alike) != SAME:
         return found

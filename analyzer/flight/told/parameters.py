@@ -137,10 +137,10 @@ class ParameterEvents(ReportEvents):
         if not one.has.all():
             has = one.has[rows]
             rows, ends = rows[has], np.cumsum(has)[ends - 1]
-            counts = np.diff(ends, prepend=0)
-            devices, ends = [device for device, some in zip(devices, counts.tolist(), strict=True) if some], ends[counts > 0]
             if not len(rows):
                 return
+            some = np.flatnonzero(np.diff(ends, prepend=0))
+            devices, ends = [devices[k] for k in some.tolist()], ends[some]
         values, begins = one.values[rows], np.concatenate(([0], ends[:-1]))
         moves = np.empty(len(rows), bool)
         np.not_equal(values[1:], values[:-1], out=moves[1:])
@@ -153,10 +153,9 @@ class ParameterEvents(ReportEvents):
         whose = np.searchsorted(ends, moved, "right")
         for place, who in zip(moved.tolist(), whose.tolist(), strict=True):
             known = knowns[who]
+            old = "" if known is None else known.text
             if place != begins[who]:
                 old = one.text(int(rows[place - 1]))
-            else:
-                old = "" if known is None else known.text
             devices[who].changed.setdefault(int(rows[place]), []).append((one, old))
         for device, known, last in zip(devices, knowns, (ends - 1).tolist(), strict=True):
             value = float(values[last])
@@ -174,12 +173,11 @@ class ParameterEvents(ReportEvents):
         places = np.searchsorted(device.rows, rows)
         columns = rows.tolist(), places.tolist(), at.spots(device.rows[places - 1]), at.spots(rows)
         for row, place, before, here in zip(*columns, strict=True):
-            if not place:
-                before = here if last is None else last
+            since = before if place else last or here
             changed = device.changed[row]
             text = _listed([f"{one.name} {old} -> {one.text(row)}" for one, old in changed])
             values = {one.name: float(one.values[row]) for one, _ in changed[:MOST_SHOWN]}
-            self._tell(f"reports {text}", before, here, (code >> 8, code & 0xFF), plot.table, values, clause)
+            self._tell(f"reports {text}", since, here, (code >> 8, code & 0xFF), plot.table, values, clause)
         if whole in self._last or self._room:
             self._last[whole] = at.at(int(device.rows[-1]))
 
