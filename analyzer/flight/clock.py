@@ -170,7 +170,7 @@ class RecordedClock:
         self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
         self._first: int | None = None
         self._count = 0
-        self._hole_frames = np.zeros(0, np.int64)
+        self._hole_frames = self._hole_lengths = np.zeros(0, np.int64)
         self._hole, self._slow = lasting("hole"), lasting("slow_hole")
         self._fewest, self._factor = threshold("hole_frames"), threshold("hole_factor")
         self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
@@ -205,20 +205,26 @@ class RecordedClock:
             self._first = before
         apart = steps(t, before)
         far, back = self._hole, -lasting("clock_back")
-        odd = apart.max() > far or apart.min() < back
-        for k in np.flatnonzero((apart > far) | (apart < back)).tolist() if odd else ():
-            frame = base + (k if rows is None else int(rows[k]))
-            since = int(t[k - 1]) if k else before
-            step = int(apart[k])
-            if step > 0 and step <= self._usual(self._count + k, since + self._shifts[-1] - self._first):
-                continue
-            if len(self.holes) < MOST_HOLES:
-                self.holes.append(Hole(frame, since, int(t[k])))
-            self._borders.append(frame)
-            self._shifts.append(self._shifts[-1] - step)
+        if apart.max() > far or apart.min() < back:
+            odd = np.flatnonzero((apart > far) | (apart < back))
+            frames, now = base + (odd if rows is None else rows[odd]), t[odd]
+            self._note_steps(*(column.tolist() for column in (odd, frames, now, apart[odd])))
         self._count += len(t)
         self.last = int(t[-1])
         self._trim()
+
+    def _note_steps(self, rows: list[int], frames: list[int], times: list[int], steps_: list[int]) -> None:
+        """Take rows of a batch before which much time passed, or some went back: their frames, times and steps."""
+        shift, first, count = self._shifts[-1], self._first or 0, self._count
+        for row, frame, t, step in zip(rows, frames, times, steps_, strict=True):
+            since = t - step
+            if step > 0 and step <= self._usual(count + row, since + shift - first):
+                continue
+            if len(self.holes) < MOST_HOLES:
+                self.holes.append(Hole(frame, since, t))
+            shift -= step
+            self._borders.append(frame)
+            self._shifts.append(shift)
 
     def _usual(self, count: int, ran: int) -> int:
         """Return how long nothing may come after so many frames in so much time."""
@@ -278,5 +284,11 @@ class RecordedClock:
         """Return how many of the kept holes end at or before each frame."""
         if len(self._hole_frames) < len(self.holes):
             self._hole_frames = np.array([hole.frame for hole in self.holes], np.int64)
+            self._hole_lengths = np.array([hole.length for hole in self.holes], np.int64)
         found: Array = np.searchsorted(self._hole_frames, frame, "right")
+        return found
+
+    def lengths_before(self, behind: Array) -> Array:
+        """Return the length of the last one of so many holes, at least one, as `holes_before` has counted them."""
+        found: Array = self._hole_lengths[behind - 1]
         return found

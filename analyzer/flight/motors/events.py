@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from analyzer.flight.motors.reports import EscReader
     from analyzer.flight.motors.watch import ComparedReports
     from analyzer.flight.reports import EventOrder
-    from analyzer.flight.spells import Spell, SpellPart
+    from analyzer.flight.spells import Spell
     from dissectors.picture import Plot
 
 MOST_DEVICES = 256
@@ -38,6 +38,21 @@ _WORDS = {
     UNDRIVEN: "it is not driven as commanded",
     SLOW: "it is slower",
 }
+
+
+class _Shares(NamedTuple):
+    """Reports as shares of the past and of the command, a number each; `far` off are those of which one is enough."""
+
+    speed: list[float]
+    current: list[float]
+    reported: list[float]
+    far: list[bool]
+
+    @classmethod
+    def of(cls, some: ComparedReports) -> _Shares:
+        """Return those of some reports, none if none is off."""
+        far = (some.speed < threshold("motor_once_slow")) | (some.current < threshold("motor_once_unloaded"))
+        return cls(*(column.tolist() for column in (some.speed, some.current, some.reported, far)))
 
 
 @dataclass(slots=True)
@@ -54,15 +69,12 @@ class _Memory:
     count: int = 0
     sure: bool = False
 
-    def note(self, some: ComparedReports, rows: slice) -> None:
+    def note(self, shares: _Shares, start: int, stop: int) -> None:
         """Take the next reports."""
-        low = (some.speed[rows] < threshold("motor_once_slow")) | (
-            some.current[rows] < threshold("motor_once_unloaded")
-        )
-        self.add(_Memory(
-            (), some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
-            some.reported[rows][:_TOLD].tolist(), len(some.speed[rows]), bool(low.any()),
-        ))  # fmt: skip
+        for mine, its in ((self.speed, shares.speed), (self.current, shares.current), (self.reported, shares.reported)):
+            mine.extend(its[start : min(stop, start + _TOLD - len(mine))])
+        self.count += stop - start
+        self.sure = self.sure or any(shares.far[start:stop])
 
     @property
     def driven_faster(self) -> bool:
@@ -128,16 +140,13 @@ class MotorEvents(ReportEvents):
             self._tell(spell)
 
     def _follow(self, key: tuple[str, int], some: ComparedReports) -> None:
+        shares = _Shares.of(some)
         for part in self._spells.feed(key, some.off, some.at):
-            self._note(part, some)
+            if part.spell.memory is None:
+                part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
+            part.spell.memory.note(shares, part.start, part.stop)
             if part.over:
                 self._end(part.spell)
-
-    @staticmethod
-    def _note(part: SpellPart, some: ComparedReports) -> None:
-        if part.spell.memory is None:
-            part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
-        part.spell.memory.note(some, slice(part.start, part.stop))
 
     def _end(self, spell: Spell) -> None:
         """Take a spell that is over; those of a motor that follow each other closely are one."""
