@@ -6,7 +6,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, TypeVar
 
 from analyzer.report.model import SEVERITIES, Place
-from dissectors.records import dataclass
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -27,19 +27,31 @@ _BASELINES = ("new", "worse", "known", "")
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Findings that agree in all that keeps problems apart; never empty, the worst first."""
+    """Findings that agree in all that keeps problems apart; never empty, the worst first.
+
+    `severity` is the worst of all runs, `baseline` the worst comparison of one with an older report, and `waiver` what
+    excuses it, if all of it is excused.
+    """
 
     runs: tuple[Finding, ...]
+    severity: Severity = field(init=False, compare=False)
+    baseline: str = field(init=False, compare=False)
+    waiver: Waiver | None = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Look at all runs once: reports ask for this again and again."""
+        waivers = [run.waiver for run in self.runs]
+        for name, value in (
+            ("severity", _least([run.severity for run in self.runs], SEVERITIES)),
+            ("baseline", _least([run.baseline for run in self.runs], _BASELINES)),
+            ("waiver", None if None in waivers else waivers[0]),
+        ):
+            object.__setattr__(self, name, value)
 
     @property
     def head(self) -> Finding:
         """The run that stands for all."""
         return self.runs[0]
-
-    @property
-    def severity(self) -> Severity:
-        """The worst of all runs."""
-        return _least([run.severity for run in self.runs], SEVERITIES)
 
     @property
     def count(self) -> int:
@@ -56,17 +68,6 @@ class Problem:
         """The names of all that it is about, each once: the ESC as people call it, else its node; empty for a bus."""
         names = (run.label or ("" if run.node is None else f"node {run.node}") for run in self.runs)
         return list(dict.fromkeys(names))
-
-    @property
-    def waiver(self) -> Waiver | None:
-        """The waiver that excuses it, if all of it is excused."""
-        waivers = [run.waiver for run in self.runs]
-        return None if None in waivers else waivers[0]
-
-    @property
-    def baseline(self) -> str:
-        """The worst comparison of a run with an older report."""
-        return _least([run.baseline for run in self.runs], _BASELINES)
 
     @property
     def open(self) -> bool:
