@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 
 from analyzer.devices.settings import commands, written
 from analyzer.facts.meaning import meaning
 from analyzer.facts.software import version, version_column
 from analyzer.flight.reports import ReportEvents
 from dissectors.kit.cells import numbers, pylist
+from dissectors.kit.order import by_key
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-
-    import pyarrow as pa
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.reports import EventOrder
@@ -62,7 +62,8 @@ class Setups(ReportEvents):
             if (table := self._reader.rows(plot.table, batch)) is not None:
                 for name, what in ((plot.identity, HARDWARE), *((one, one) for one in plot.turning)):
                     if name in table.schema.names:
-                        self._note(table, what, list(self._texts(plot, table, name)))
+                        some = self._changed(table, name)
+                        self._note(some, what, list(self._texts(plot, some, name)))
 
     def finish(self) -> None:
         """Take the end: everything is known."""
@@ -71,6 +72,22 @@ class Setups(ReportEvents):
         """Return what a node told last of each thing, up to a recorded time."""
         told = {name: [one for one in some if one.ran <= until] for name, some in self._all.get(node, {}).items()}
         return {name: some[-1].text for name, some in told.items() if some}
+
+    def _changed(self, table: pa.RecordBatch, name: str) -> pa.RecordBatch:
+        """Return the rows of a table without those in which a node tells the same in a column as in the one before.
+
+        Of what is not a number all are returned.
+        """
+        column = table.column(name)
+        if column.null_count or not (pa.types.is_integer(column.type) or pa.types.is_boolean(column.type)):
+            return table
+        order, begins = by_key(numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))
+        values, untimed = numbers(column)[order], self._clock.of(table).t[order] == NO_TIME
+        other = np.ones(len(table), bool)
+        np.not_equal(values[1:], values[:-1], out=other[1:])
+        other[1:] |= untimed[:-1]
+        other[begins] = True
+        return table if other.all() else table.take(pa.array(np.sort(order[other])))
 
     def _texts(self, plot: Plot, table: pa.RecordBatch, name: str) -> Iterator[str]:
         about = meaning(self._registry.definition(plot.table), name)
