@@ -28,7 +28,7 @@ _BROKEN = np.array([name in {"bad crc", "interrupted", "timed out", "too short"}
 Node = tuple[int, int]  # bus, node
 
 
-class _Counts:
+class CountsBySecond:
     """Counts by second and node; of more than `MOST_ENTRIES` nothing is told apart any more."""
 
     def __init__(self) -> None:
@@ -56,11 +56,11 @@ class _Counts:
 
 
 class LossesBySecond:
-    """Adds up batches, with the bounds of `_Counts`; the `clock` is fed before."""
+    """Adds up batches, with the bounds of `CountsBySecond`; the `clock` is fed before."""
 
     def __init__(self, clock: RecordedClock) -> None:
         self._clock = clock
-        self._broken, self._missing, self._repeated = _Counts(), _Counts(), _Counts()
+        self._broken, self._missing, self._repeated = CountsBySecond(), CountsBySecond(), CountsBySecond()
         self._jumped: dict[tuple[Node, int], Spot] = {}  # where the first ID of a second was left out
         self.transfers = 0
 
@@ -130,11 +130,11 @@ class LossesBySecond:
         """Return how many transfers of some nodes, or of all, had the ID of the one before, and said something else."""
         return self._sum(self._repeated, start, stop, nodes)
 
-    def _between(self, kept: _Counts, start: int, stop: int) -> Iterator[Mapping[Node, int]]:
+    def _between(self, kept: CountsBySecond, start: int, stop: int) -> Iterator[Mapping[Node, int]]:
         base = self._clock.start or 0
         return kept.between((start - base) // SECOND, (stop - base) // SECOND)
 
-    def _sum(self, kept: _Counts, start: int, stop: int, nodes: Collection[Node] | None) -> int:
+    def _sum(self, kept: CountsBySecond, start: int, stop: int, nodes: Collection[Node] | None) -> int:
         return sum(
             count for of in self._between(kept, start, stop) for node, count in of.items()
             if nodes is None or node in nodes
