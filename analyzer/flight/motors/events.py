@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from analyzer.flight.motors.watch import ComparedReports
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell
+    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 MOST_DEVICES = 256
@@ -38,21 +39,6 @@ _WORDS = {
     UNDRIVEN: "it is not driven as commanded",
     SLOW: "it is slower",
 }
-
-
-class _Shares(NamedTuple):
-    """Reports as shares of the past and of the command, a number each; `far` off are those of which one is enough."""
-
-    speed: list[float]
-    current: list[float]
-    reported: list[float]
-    far: list[bool]
-
-    @classmethod
-    def of(cls, some: ComparedReports) -> _Shares:
-        """Return those of some reports, none if none is off."""
-        far = (some.speed < threshold("motor_once_slow")) | (some.current < threshold("motor_once_unloaded"))
-        return cls(*(column.tolist() for column in (some.speed, some.current, some.reported, far)))
 
 
 @dataclass(slots=True)
@@ -69,12 +55,13 @@ class _Memory:
     count: int = 0
     sure: bool = False
 
-    def note(self, shares: _Shares, start: int, stop: int) -> None:
-        """Take the next reports."""
-        for mine, its in ((self.speed, shares.speed), (self.current, shares.current), (self.reported, shares.reported)):
-            mine.extend(its[start : min(stop, start + _TOLD - len(mine))])
+    def note(self, some: ComparedReports, far: Array, start: int, stop: int) -> None:
+        """Take the next reports; `far` off are those of which one is enough."""
+        for mine, its in ((self.speed, some.speed), (self.current, some.current), (self.reported, some.reported)):
+            if (room := _TOLD - len(mine)) > 0:
+                mine.extend(its[start : min(stop, start + room)].tolist())
         self.count += stop - start
-        self.sure = self.sure or any(shares.far[start:stop])
+        self.sure = self.sure or bool(far[start:stop].any())
 
     @property
     def driven_faster(self) -> bool:
@@ -140,11 +127,11 @@ class MotorEvents(ReportEvents):
             self._tell(spell)
 
     def _follow(self, key: tuple[str, int], some: ComparedReports) -> None:
-        shares = _Shares.of(some)
+        far = (some.speed < threshold("motor_once_slow")) | (some.current < threshold("motor_once_unloaded"))
         for part in self._spells.feed(key, some.off, some.at):
             if part.spell.memory is None:
                 part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
-            part.spell.memory.note(shares, part.start, part.stop)
+            part.spell.memory.note(some, far, part.start, part.stop)
             if part.over:
                 self._end(part.spell)
 

@@ -125,15 +125,19 @@ class ParameterEvents(ReportEvents):
         timed = at.t != NO_TIME
         nodes = groups(numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))
         devices = [_Device(code, places[timed[places]], {}, {}) for code, places in nodes if timed[places].any()]
-        for one in columns if devices else ():
-            self._compare(plot, one, devices)
+        if not devices:
+            return
+        rows, ends = np.concatenate([one.rows for one in devices]), np.cumsum([len(one.rows) for one in devices])
+        for setting in columns:
+            self._compare(plot, setting, devices, rows, ends)
         for device in devices:
             self._tell_reports(plot, device, at, clause)
 
-    def _compare(self, plot: Plot, one: _Setting, devices: Sequence[_Device]) -> None:
-        """Let devices know where a setting is not what it was in their report before, and what it is at the end."""
-        rows = np.concatenate([device.rows for device in devices])
-        ends = np.cumsum([len(device.rows) for device in devices])
+    def _compare(self, plot: Plot, one: _Setting, devices: Sequence[_Device], rows: Array, ends: Array) -> None:
+        """Let devices know where a setting is not what it was in their report before, and what it is at the end.
+
+        Their `rows` stand one device behind the other, up to the `ends`.
+        """
         if not one.has.all():
             has = one.has[rows]
             rows, ends = rows[has], np.cumsum(has)[ends - 1]
@@ -150,6 +154,8 @@ class ParameterEvents(ReportEvents):
             first != (first if known is None else known.value) for first, known in zip(firsts, knowns, strict=True)
         ]
         moved = np.flatnonzero(moves)
+        if not len(moved) and None not in knowns:
+            return
         whose = np.searchsorted(ends, moved, "right")
         for place, who in zip(moved.tolist(), whose.tolist(), strict=True):
             known = knowns[who]
@@ -168,7 +174,13 @@ class ParameterEvents(ReportEvents):
             if (key := (plot.table, code, name)) in self._known or self._room:
                 self._known[key] = known
         whole = plot.table, code
-        last = self._last.get(whole)
+        if device.changed:
+            self._tell_changes(plot, device, at, clause)
+        if whole in self._last or self._room:
+            self._last[whole] = at.at(int(device.rows[-1]))
+
+    def _tell_changes(self, plot: Plot, device: _Device, at: RowPlaces, clause: str) -> None:
+        code, last = device.code, self._last.get((plot.table, device.code))
         rows = np.array(sorted(device.changed), np.int64)
         places = np.searchsorted(device.rows, rows)
         columns = rows.tolist(), places.tolist(), at.spots(device.rows[places - 1]), at.spots(rows)
@@ -178,8 +190,6 @@ class ParameterEvents(ReportEvents):
             text = _listed([f"{one.name} {old} -> {one.text(row)}" for one, old in changed])
             values = {one.name: float(one.values[row]) for one, _ in changed[:MOST_SHOWN]}
             self._tell(f"reports {text}", since, here, (code >> 8, code & 0xFF), plot.table, values, clause)
-        if whole in self._last or self._room:
-            self._last[whole] = at.at(int(device.rows[-1]))
 
     @property
     def _room(self) -> bool:
