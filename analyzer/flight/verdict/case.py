@@ -298,7 +298,7 @@ class FlightCase:
         """Return when commands were calm for long, after a time."""
         need, step = lasting("calm_again"), at
         while step + need <= self.stop:
-            above = self.pulse.first_above(self.calm_limit, step, step + need)
+            above = self.pulse.last_above(self.calm_limit, step, step + need)
             if above is None:
                 off = self.pulse.mean(step, step + need).min(initial=100) <= threshold("command_idle_percent")
                 return None if off else step  # nobody steers who commands nothing
