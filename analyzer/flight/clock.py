@@ -117,10 +117,12 @@ class RowPlaces:
 
     def settled(self) -> RowPlaces:
         """Return the same, to be kept: nothing of what it was taken from is held any more."""
-        rows = slice(None) if self._rows is None else self._rows
         t, ran, *others = self._columns
-        own = np.array(t[rows])
-        return RowPlaces(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
+        if self._rows is None:
+            own = t.copy()
+            return RowPlaces(own, own if ran is t else ran.copy(), *(one.copy() for one in others))
+        own = t[self._rows]
+        return RowPlaces(own, own if ran is t else ran[self._rows], *(one[self._rows] for one in others))
 
     def at(self, row: int) -> Spot:
         """Return one of them; the first and the last one are asked for by everybody."""
