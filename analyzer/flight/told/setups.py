@@ -89,7 +89,8 @@ class Setups(ReportEvents):
         other = np.ones(len(rows), bool)
         np.not_equal(values[1:], values[:-1], out=other[1:])
         other[begins] = True
-        return rows[np.sort(order[other])]
+        found: Array = rows[np.sort(order[other])]
+        return found
 
     def _texts(self, plot: Plot, table: pa.RecordBatch, name: str, rows: Array) -> Iterator[str]:
         about = meaning(self._registry.definition(plot.table), name)
