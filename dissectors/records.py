@@ -8,6 +8,7 @@ such classes, too.
 
 from __future__ import annotations
 
+from itertools import repeat
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -38,8 +39,8 @@ if not TYPE_CHECKING:
 
     def replace(record: Any, /, **changes: Any) -> Any:
         """Return a copy with other values in some fields."""
-        kept = {name: getattr(record, name) for name in record.__match_args__ if name not in changes}
-        return type(record)(**kept, **changes)
+        names = record.__match_args__
+        return type(record)(**dict(zip(names, map(getattr, repeat(record), names), strict=True)) | changes)
 
 
 def as_dict(value: Any) -> Any:

@@ -11,6 +11,7 @@ from analyzer.app.filtered.frames import matching_frames
 from analyzer.app.judged import JudgedRun
 from analyzer.app.marks import EventMarks
 from analyzer.app.request import short_names
+from analyzer.facts.traffic import ForeignIds
 from analyzer.plot import MOST_POINTS
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class Drawing:
         default = 0 if run.source.live else MOST_POINTS
         self._most_points = (default if most_points is None else most_points) or None
         self._criteria = Criteria(run.request.rules, run.registry)
-        self._judged = JudgedRun(run, self._criteria)
+        self._judged = JudgedRun(run, self._criteria, foreign=ForeignIds())
         self._marks = EventMarks(run.registry)
         self._shown = 0
         self._batches: Iterator[Measured] = iter(())

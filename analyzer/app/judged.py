@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
     from analyzer.facts.frame_marks import Mark
+    from analyzer.facts.traffic import ForeignIds
     from analyzer.flight.verdict.model import Triage
     from analyzer.rules.checking import Measured
     from analyzer.rules.judge import Judge
@@ -30,13 +31,16 @@ class JudgedRun:
         run: not read yet.
         criteria: of the same types.
         named: is told which frames are named.
+        foreign: counts identifiers that are not DroneCAN, for who wants to see them.
     """
 
-    def __init__(self, run: Run, criteria: Criteria, named: TakesOccurrences | None = None) -> None:
+    def __init__(
+        self, run: Run, criteria: Criteria, named: TakesOccurrences | None = None, foreign: ForeignIds | None = None
+    ) -> None:
         self.run = run
         run.engine.core.measured = True
         self._ends = not run.request.window.leaves_off
-        self._check = Check(run.registry, criteria.settings_of(run.request.window), named)
+        self._check = Check(run.registry, criteria.settings_of(run.request.window), named, foreign)
         self._unopened = ""
 
     @property

@@ -34,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.cli.reading import reading, watched  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.facts.summary import Summary  # noqa: PLC0415
+    from analyzer.facts.traffic import ForeignIds  # noqa: PLC0415
     from analyzer.views.info import WIDTH, render, render_json  # noqa: PLC0415
 
     try:
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
             return status.usage(error, NAME)
         for part in run.source.parts:
             part.hashed = True
-        summary = Summary(run.registry)
+        summary = Summary(run.registry, ForeignIds())
         with watched(run.source, complaints) as progress:
             for batch in progress.over(run.inside(alone=run.chosen is not None)):
                 summary.feed(batch)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
-from dissectors.kit.cells import text_of
+from dissectors.kit.cells import text_of, valid
 
 if TYPE_CHECKING:
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
 GET_SET = "uavcan.protocol.param.GetSet"
@@ -41,6 +43,17 @@ def given(value: Any) -> Any:
     cells = [value.get(one) for one in VALUES] if isinstance(value, dict) else []
     told = next((one for one in cells if one is not None), None)
     return text_of(bytes(told)) if isinstance(told, list) else told
+
+
+def holds_value(column: pa.Array) -> Array:
+    """Return a mask of the rows of values of `GetSet` in which `given` finds one."""
+    found = np.zeros(len(column), bool)
+    if pa.types.is_struct(column.type):
+        for k in range(column.type.num_fields):
+            if column.type.field(k).name in VALUES:
+                found |= valid(column.field(k))
+        found &= valid(column)
+    return found
 
 
 def written(value: Any) -> str:

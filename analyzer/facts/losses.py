@@ -84,7 +84,17 @@ class LostTransfers:
         return first
 
     def _zero(self, transfers: pa.RecordBatch, rows: Array, of: Array, missing: Array) -> None:
-        """Take the gaps of sessions that fell to 0, and what is missing there; -1 for their other gaps."""
+        """Take the gaps of sessions that fell to 0, and what is missing there; -1 for their other gaps.
+
+        Of these only the first one after a fall ends what it began.
+        """
+        order, begins = by_key(of)
+        falls = missing[order] >= 0
+        telling = falls.copy()
+        telling[1:] |= falls[:-1]
+        telling[begins] = True
+        kept = np.sort(order[telling])
+        rows, of, missing = rows[kept], of[kept], missing[kept]
         names = ("bus", "src", "step", "transfer_id")
         bus, src, step, now = (numbers(transfers.column(name))[rows].astype(np.int64) for name in names)
         times = np.where(valid(transfers.column("t")), numbers(transfers.column("t")), NO_TIME)[rows]

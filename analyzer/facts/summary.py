@@ -13,7 +13,7 @@ from analyzer.facts.names import type_name
 from analyzer.facts.odd import compared
 from analyzer.facts.recording import RecordingFacts, mixed
 from analyzer.facts.senders import SenderFacts, Senders
-from analyzer.facts.traffic import BIT_RATE, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
+from analyzer.facts.traffic import BIT_RATE, BusCount, Talk, TalkKey, Talks, TypeKey, times
 from analyzer.tables import KINDS, STAMPS, distinct
 from dissectors.kit.cells import numbers, valid
 from dissectors.records import dataclass, field
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch, Engine
     from analyzer.decode.readings import Statement
+    from analyzer.facts.traffic import ForeignIds
     from dissectors import Registry
 
 MOST_CHANNELS = 32
@@ -127,17 +128,18 @@ class Summary:
 
     Args:
         registry: the types that the capture is decoded with.
+        foreign: counts identifiers that are not DroneCAN, for who wants to see them.
 
-    Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, and those of `Senders`.
+    Bounds: `MOST_TALKS` combinations of bus, node and type, and those of `Senders` and `ForeignIds`.
     """
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, foreign: ForeignIds | None = None) -> None:
         self._registry = registry
         self._buses: dict[int, BusCount] = {}
         self._names: tuple[str, ...] = ()
         self._talks = Talks()
         self._without_channels: set[TypeKey] = set()  # nobody needs their tables made
-        self._foreign = ForeignIds()
+        self._foreign = foreign
         self._readings: tuple[Statement, ...] = ()
         self._senders = Senders()
         self._recording = RecordingFacts()
@@ -146,7 +148,8 @@ class Summary:
         """Add the next batch."""
         self._names, self._readings = batch.buses, batch.readings
         self._count_frames(batch)
-        self._foreign.feed(batch)
+        if self._foreign is not None:
+            self._foreign.feed(batch)
         self._recording.feed(batch)
         for sent in self._talks.feed(batch.transfers) - self._without_channels:
             message = self._registry.message(*sent)
@@ -183,7 +186,7 @@ class Summary:
             nodes=nodes,
             not_listed=self._talks.beyond,
             readings=self._readings,
-            foreign=tuple(self._foreign.most()),
+            foreign=() if self._foreign is None else tuple(self._foreign.most()),
             transfers=sum(node.count for node in nodes) + self._talks.beyond,
             broken=sum(node.bad for node in nodes),
             bus_names=self._names,

@@ -31,7 +31,7 @@ _BATCHES_KEPT = 8
 # Nominal bits of a classic frame without data or stuffing, interframe space included.
 _EXTENDED_BITS, _STANDARD_BITS = 67, 47
 _NEVER = np.iinfo(np.int64).max
-_WHOLE = (STATUSES.index("ok"), STATUSES.index("unchecked"))
+_BAD = np.array([name not in {"ok", "unchecked"} for name in STATUSES])
 _FOREIGN = VERDICTS.index("foreign")
 
 
@@ -128,22 +128,24 @@ class Talks:
         bus, src, variant, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
         code = bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id
         order, begins = grouped(code)
-        codes, count = code[order[begins]], np.diff(begins, append=len(code))
-        whole = np.isin(np.arange(len(STATUSES)), _WHOLE)
-        bad = np.add.reduceat(~whole[numbers(transfers.column("status"))[order]], begins, dtype=np.int64)
+        count = np.diff(begins, append=len(code))
+        bad = np.add.reduceat(_BAD[numbers(transfers.column("status"))[order]], begins, dtype=np.int64)
         t, timed = times(transfers)
-        early, late = (t, t) if timed.all() else (np.where(timed, t, _NEVER), np.where(timed, t, -_NEVER))
-        first, last = np.minimum.reduceat(early[order], begins), np.maximum.reduceat(late[order], begins)
-        for k, one in enumerate(codes.tolist()):
-            talk = self._talk((one >> 40, one >> 32 & 0xFF, _type(one)), int(count[k]))
+        low, high = (t, t) if timed.all() else (np.where(timed, t, _NEVER), np.where(timed, t, -_NEVER))
+        firsts, lasts = np.minimum.reduceat(low[order], begins), np.maximum.reduceat(high[order], begins)
+        types: set[TypeKey] = set()
+        columns = (column.tolist() for column in (code[order[begins]], count, bad, firsts, lasts))
+        for one, number, broken, first, last in zip(*columns, strict=True):
+            types.add(type_ := _type(one))
+            talk = self._talk((one >> 40, one >> 32 & 0xFF, type_), number)
             if talk is None:
                 continue
-            talk.count += int(count[k])
-            talk.bad += int(bad[k])
-            if first[k] <= last[k]:
-                talk.first = int(first[k]) if talk.first is None else min(talk.first, int(first[k]))
-                talk.last = int(last[k]) if talk.last is None else max(talk.last, int(last[k]))
-        return {_type(one) for one in codes.tolist()}
+            talk.count += number
+            talk.bad += broken
+            if first <= last:
+                talk.first = first if talk.first is None else min(talk.first, first)
+                talk.last = last if talk.last is None else max(talk.last, last)
+        return types
 
     def _talk(self, key: TalkKey, count: int) -> Talk | None:
         if key not in self.all:
@@ -172,7 +174,7 @@ class ForeignIds:
     """
 
     def __init__(self) -> None:
-        self.counts: dict[tuple[int, bool], int] = {}
+        self._counts: dict[int, int] = {}  # by identifier and length, as `_codes` has them
         self._kept: deque[tuple[int, Array, Array, Array]] = deque(maxlen=_BATCHES_KEPT)
 
     def feed(self, batch: Batch) -> None:
@@ -182,8 +184,7 @@ class ForeignIds:
         verdicts = numbers(frames.column("verdict"))
         foreign = np.flatnonzero(verdicts == _FOREIGN)
         if len(foreign):
-            for code, count in zip(*counted(_codes(ids[foreign], flags[foreign])), strict=True):
-                self._change(code, count)
+            self._change(_codes(ids[foreign], flags[foreign]), 1)
         if len(frames):
             self._kept.append((batch.first_frame, ids, flags, verdicts.copy()))
         if not len(batch.settled):
@@ -198,17 +199,21 @@ class ForeignIds:
             known[number[here] - first] = verdict[here]
             after = known[at] == _FOREIGN
             for rows, by in ((at[after & ~before], 1), (at[before & ~after], -1)):
-                for code, count in zip(*counted(_codes(ids[rows], flags[rows])), strict=True):
-                    self._change(code, by * count)
+                self._change(_codes(ids[rows], flags[rows]), by)
 
-    def _change(self, code: int, by: int) -> None:
-        key = (code >> 1, bool(code & 1))
-        if by and (key in self.counts or len(self.counts) < MOST_IDS):
-            self.counts[key] = self.counts.get(key, 0) + by
-            if self.counts[key] <= 0:
-                del self.counts[key]
+    def _change(self, codes: Array, by: int) -> None:
+        counts = self._counts
+        for code, count in zip(*counted(codes), strict=True):
+            known = counts.get(code)
+            if known is None and len(counts) >= MOST_IDS:
+                continue
+            now = (known or 0) + by * count
+            if now > 0:
+                counts[code] = now
+            else:
+                counts.pop(code, None)
 
     def most(self) -> Iterator[tuple[str, int]]:
         """Yield identifiers as candump writes them, the most frequent first."""
-        for (number, extended), count in sorted(self.counts.items(), key=lambda item: (-item[1], item[0])):
-            yield f"{number:08X}" if extended else f"{number:03X}", count
+        for code, count in sorted(self._counts.items(), key=lambda item: (-item[1], item[0])):
+            yield f"{code >> 1:08X}" if code & 1 else f"{code >> 1:03X}", count

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer.flight.clock import ANEW
 from analyzer.flight.spells import Spells
 from analyzer.flight.thresholds import lasting
+from dissectors.kit.order import changes
 from dissectors.records import dataclass, field
 from dissectors.times import NO_TIME
 
@@ -85,18 +86,16 @@ class FlightBasis:
 
     def _torn(self, key: Hashable, at: RowPlaces) -> Array | None:
         """Return the reports before which the sender was powered up, or so much is missing that it may have landed."""
-        holes = self._clock.holes
-        if not holes:
+        if not self._clock.holes:
             return None
         behind = self._clock.holes_before(at.frame)
-        crossed = np.flatnonzero(np.diff(behind, prepend=self._holes.get(key, int(behind[0]))))
+        crossed = changes(behind, self._holes.get(key, int(behind[0])))
         self._holes[key] = int(behind[-1])
         if not len(crossed):
             return None
         torn = np.zeros(len(at), bool)
-        for k in crossed.tolist():
-            long = holes[int(behind[k]) - 1].length > lasting("long_hole")
-            torn[k] = at.step[k] == ANEW or (long and at.step[k] != 1)
+        step, long = at.step[crossed], self._clock.lengths_before(behind[crossed]) > lasting("long_hole")
+        torn[crossed] = (step == ANEW) | (long & (step != 1))
         if len(self._power_ups) < _MOST_POWER_UPS:
             self._power_ups += at.frame[torn].tolist()
         return torn

@@ -117,10 +117,12 @@ class RowPlaces:
 
     def settled(self) -> RowPlaces:
         """Return the same, to be kept: nothing of what it was taken from is held any more."""
-        rows = slice(None) if self._rows is None else self._rows
         t, ran, *others = self._columns
-        own = np.array(t[rows])
-        return RowPlaces(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
+        if self._rows is None:
+            own = t.copy()
+            return RowPlaces(own, own if ran is t else ran.copy(), *(one.copy() for one in others))
+        own = t[self._rows]
+        return RowPlaces(own, own if ran is t else ran[self._rows], *(one[self._rows] for one in others))
 
     def at(self, row: int) -> Spot:
         """Return one of them; the first and the last one are asked for by everybody."""
@@ -129,6 +131,11 @@ class RowPlaces:
                 known = self._ends[row] = self._spot(row)
             return known
         return self._spot(row)
+
+    def spots(self, rows: Array) -> list[Spot]:
+        """Return those at some places."""
+        places = rows if self._rows is None else self._rows[rows]
+        return list(map(Spot._make, zip(*(column[places].tolist() for column in self._columns), strict=True)))
 
     def _spot(self, row: int) -> Spot:
         place = row if self._rows is None else self._rows.item(row)
@@ -165,7 +172,7 @@ class RecordedClock:
         self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
         self._first: int | None = None
         self._count = 0
-        self._hole_frames = np.zeros(0, np.int64)
+        self._hole_frames = self._hole_lengths = np.zeros(0, np.int64)
         self._hole, self._slow = lasting("hole"), lasting("slow_hole")
         self._fewest, self._factor = threshold("hole_frames"), threshold("hole_factor")
         self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
@@ -200,20 +207,26 @@ class RecordedClock:
             self._first = before
         apart = steps(t, before)
         far, back = self._hole, -lasting("clock_back")
-        odd = apart.max() > far or apart.min() < back
-        for k in np.flatnonzero((apart > far) | (apart < back)).tolist() if odd else ():
-            frame = base + (k if rows is None else int(rows[k]))
-            since = int(t[k - 1]) if k else before
-            step = int(apart[k])
-            if step > 0 and step <= self._usual(self._count + k, since + self._shifts[-1] - self._first):
-                continue
-            if len(self.holes) < MOST_HOLES:
-                self.holes.append(Hole(frame, since, int(t[k])))
-            self._borders.append(frame)
-            self._shifts.append(self._shifts[-1] - step)
+        if apart.max() > far or apart.min() < back:
+            odd = np.flatnonzero((apart > far) | (apart < back))
+            frames, now = base + (odd if rows is None else rows[odd]), t[odd]
+            self._note_steps(*(column.tolist() for column in (odd, frames, now, apart[odd])))
         self._count += len(t)
         self.last = int(t[-1])
         self._trim()
+
+    def _note_steps(self, rows: list[int], frames: list[int], times: list[int], steps_: list[int]) -> None:
+        """Take rows of a batch before which much time passed, or some went back: their frames, times and steps."""
+        shift, first, count = self._shifts[-1], self._first or 0, self._count
+        for row, frame, t, step in zip(rows, frames, times, steps_, strict=True):
+            since = t - step
+            if step > 0 and step <= self._usual(count + row, since + shift - first):
+                continue
+            if len(self.holes) < MOST_HOLES:
+                self.holes.append(Hole(frame, since, t))
+            shift -= step
+            self._borders.append(frame)
+            self._shifts.append(shift)
 
     def _usual(self, count: int, ran: int) -> int:
         """Return how long nothing may come after so many frames in so much time."""
@@ -263,13 +276,21 @@ class RecordedClock:
         """Return the places of what else has a time, and the frame that it is at."""
         return self._placed(t, frame, frame, np.zeros(len(t), np.int64))
 
-    def places_of(self, hole: Hole) -> int:
-        """Return the recorded time at which a hole is."""
-        return int(self.shifted(np.array([hole.t_end]), np.array([hole.frame])).ran[0])
+    def places_of_holes(self) -> list[int]:
+        """Return the recorded times at which the kept holes are."""
+        columns = [hole.t_end for hole in self.holes], [hole.frame for hole in self.holes]
+        found: list[int] = self.shifted(*(np.array(column, np.int64) for column in columns)).ran.tolist()
+        return found
 
     def holes_before(self, frame: Array) -> Array:
         """Return how many of the kept holes end at or before each frame."""
         if len(self._hole_frames) < len(self.holes):
             self._hole_frames = np.array([hole.frame for hole in self.holes], np.int64)
+            self._hole_lengths = np.array([hole.length for hole in self.holes], np.int64)
         found: Array = np.searchsorted(self._hole_frames, frame, "right")
+        return found
+
+    def lengths_before(self, behind: Array) -> Array:
+        """Return the length of the last one of so many holes, at least one, as `holes_before` has counted them."""
+        found: Array = self._hole_lengths[behind - 1]
         return found

@@ -25,14 +25,27 @@ ZERO, SATURATION, SPREAD = "commands zero", "saturation", "spread"
 
 @dataclass(slots=True)
 class _Peak:
-    """The most of a spell, and where it begins the channel that is commanded most, 0 if it is of one channel.
+    """The most of a spell, and what all channels are commanded where it begins; None if it is of one channel.
 
-    `lowered` are the channels below the mean then.
+    Most spells are over before anybody is told of them.
     """
 
     most: float
-    highest: int
-    lowered: tuple[int, ...]
+    columns: Array | None = None
+    first: int = 0  # channel, as people count them
+
+    @property
+    def highest(self) -> int:
+        """The channel that is commanded most."""
+        return 0 if self.columns is None else int(np.nanargmax(self.columns)) + self.first
+
+    @property
+    def lowered(self) -> tuple[int, ...]:
+        """The channels below the mean."""
+        if self.columns is None:
+            return ()
+        below = np.flatnonzero(self.columns < np.nanmean(self.columns)) + self.first
+        return tuple(below.tolist())
 
 
 class CommandEvents:
@@ -97,7 +110,9 @@ class CommandEvents:
             if part.stop > part.start:
                 most = float(values[part.start : part.stop].max())
                 if part.spell.memory is None:
-                    part.spell.memory = _Peak(most, 0, ()) if ch else _peak(most, some, part.start)
+                    part.spell.memory = _Peak(most) if name != SPREAD else _Peak(
+                        most, some.columns[:, part.start].copy(), some.plot.who.first
+                    )  # fmt: skip
                 part.spell.memory.most = max(part.spell.memory.most, most)
             if part.over:
                 self._end(name, part.spell)
@@ -122,9 +137,3 @@ class CommandEvents:
             name, text, spell.before, spell.first, spell.after, bus, node, ch or None, table, "", values,
             lowered=lowered,
         ))  # fmt: skip
-
-
-def _peak(most: float, some: Commands, row: int) -> _Peak:
-    one, first = some.columns[:, row], some.plot.who.first
-    lowered = np.flatnonzero(one < np.nanmean(one)) + first
-    return _Peak(most, int(np.nanargmax(one)) + first, tuple(lowered.tolist()))

@@ -50,7 +50,7 @@ class EventFinder:
         self.motors = motors = MotorEvents(order, self.escs)
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
-            motors, NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+            motors, NodeEvents(order), TroubleEvents(self.clock, add),
             ParameterEvents(order), ParameterServiceEvents(order), PowerUpEvents(order),
         )  # fmt: skip
         self._told: AutopilotEvents | None = None

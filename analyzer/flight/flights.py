@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from analyzer.devices.rows import split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.basis import FlightBasis
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.orders import by_sender, orders
@@ -66,7 +66,7 @@ class FlightFinder:
         self._orders = [plot for plot in plots if plot.esc.commanded]
         self._clock = RecordedClock() if order is None else order.clock
         self._reader = ReportReader(registry, self._clock) if order is None else order.reader
-        self._channels = ToldChannels(registry) if order is None else order.channels
+        self._channels = ToldChannels(registry, self._reader) if order is None else order.channels
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
             "commands": FlightBasis(self._clock, lasting("silent_motor")),
@@ -86,13 +86,13 @@ class FlightFinder:
         if self._by["telemetry"].heard:  # what says less is not asked any more
             return
         for plot in self._orders:
-            if (table := batch.messages.get(plot.table)) is not None:
-                self._feed_orders(plot, usable(table))
+            if (table := self._reader.rows(plot.table, batch)) is not None:
+                self._feed_orders(plot, table)
         if self._by["commands"].heard:
             return
-        table = batch.messages.get(ARMING)
+        table = self._reader.rows(ARMING, batch)
         if table is not None and "status" in table.schema.names:  # a folder may have another type of this name
-            self._feed_arming(usable(table))
+            self._feed_arming(table)
 
     def flights(self) -> list[Flight]:
         """Return the flights in the order of the capture."""

@@ -19,8 +19,7 @@ DISORDER = "disorder"
 
 def hole_events(clock: RecordedClock) -> Iterator[FlightEvent]:
     """Yield what each hole was, as far as that can be told."""
-    for hole in clock.holes:
-        place = clock.places_of(hole)
+    for hole, place in zip(clock.holes, clock.places_of_holes(), strict=True):
         kind, text, sign = *_told(hole), DISORDER if _older(hole) else ""
         first = Spot(hole.t_end, place, hole.frame, hole.frame, 0)
         ordered, jumped, anew = hole.steps

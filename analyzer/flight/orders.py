@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.devices import fields
-from analyzer.devices.rows import usable
 from dissectors.kit.cells import numbers
 from dissectors.kit.order import groups
 from dissectors.records import dataclass
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock, RowPlaces
+    from analyzer.flight.tables import ReportReader
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -51,18 +51,17 @@ class Commands:
 class CommandReader:
     """Reads the commands of each batch. The `clock` is fed before; `plots` are those that command."""
 
-    def __init__(self, registry: Registry, plots: Sequence[Plot], clock: RecordedClock) -> None:
+    def __init__(self, registry: Registry, plots: Sequence[Plot], clock: RecordedClock, reader: ReportReader) -> None:
         self.plots = [plot for plot in plots if plot.esc.commanded]
         self.now: list[Commands] = []
-        self._registry, self._clock = registry, clock
+        self._registry, self._clock, self._reader = registry, clock, reader
 
     def feed(self, batch: Batch) -> None:
         """Take the next batch: its commands are `now`."""
         self.now = []
         for plot in self.plots:
-            if (table := batch.messages.get(plot.table)) is None:
+            if (table := self._reader.rows(plot.table, batch)) is None:
                 continue
-            table = usable(table)
             found = orders(self._registry, plot, table)
             if found is None:
                 continue

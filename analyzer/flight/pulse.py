@@ -117,11 +117,11 @@ class CommandPulse:
         found = self._pause[self._rows(start, stop)]
         return int(found.max()) if len(found) else 0
 
-    def first_above(self, limit: float, start: int, stop: int) -> int | None:
-        """Return the start of the first step in which they are farther apart than a limit, in %."""
+    def last_above(self, limit: float, start: int, stop: int) -> int | None:
+        """Return the start of the last step in which they are farther apart than a limit, in %."""
         rows = self._rows(start, stop)
         found = np.flatnonzero(self._spread[rows] > limit)
-        return None if not len(found) else (rows.start + int(found[0])) * STEP + (self._clock.start or 0)
+        return None if not len(found) else (rows.start + int(found[-1])) * STEP + (self._clock.start or 0)
 
     def _rows(self, start: int, stop: int) -> slice:
         base = self._clock.start or 0

@@ -35,11 +35,10 @@ class FlightReading:
     def __init__(self, registry: Registry, add: Callable[[FlightEvent], None] = _untold) -> None:
         self.clock = RecordedClock()
         plots = tuple(picture.load(registry).plots.values())
-        self.commands = CommandReader(registry, plots, self.clock)
-        self.channels = ToldChannels(registry)
-        self.order = EventOrder(
-            registry, plots, self.clock, add, ReportReader(registry, self.clock), self.channels
-        )  # fmt: skip
+        reader = ReportReader(registry, self.clock)
+        self.commands = CommandReader(registry, plots, self.clock, reader)
+        self.channels = ToldChannels(registry, reader)
+        self.order = EventOrder(registry, plots, self.clock, add, reader, self.channels)
         self.escs = EscReader(self.order, self.commands)
 
     def feed(self, batch: Batch) -> None:

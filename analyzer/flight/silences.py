@@ -14,7 +14,7 @@ from analyzer.flight.robust import of_few
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.tables import KINDS
 from dissectors.kit.cells import numbers
-from dissectors.kit.order import steps
+from dissectors.kit.order import changes, steps
 from dissectors.records import dataclass, field
 from dissectors.times import MILLISECOND, NO_TIME, SECOND
 
@@ -99,9 +99,11 @@ class SilenceEvents:
         for (start, stop), pace in zip(pairwise([*begins.tolist(), len(order)]), paces, strict=True):
             key, places = int(keys[order[start]]), order[start:stop]
             session = self._sessions.get(key)
-            if session is not None and behind is None and session.goes_on(int(ran[start]), *pace):
+            if session is not None and session.goes_on(int(ran[start]), *pace):
                 self._calm(session)
                 session.last = at.at(int(places[-1]))
+                if behind is not None:
+                    self._note_holes(session, at.step[places], behind[places])
                 continue
             if session is None:
                 if len(self._sessions) >= MOST_SESSIONS:
@@ -136,15 +138,22 @@ class SilenceEvents:
 
     def _cross(self, session: _Session, at: RowPlaces, behind: Array) -> None:
         """Take transfers, and note how their IDs go on behind holes in which the sender would have sent."""
-        borders = np.flatnonzero(np.diff(behind, prepend=session.holes)).tolist()
-        for start, stop in pairwise([0, *borders, len(at)]):
-            if start in borders:
-                hole, step = self._clock.holes[int(behind[start]) - 1], int(at.step[start])
-                if session.usual and abs(hole.length) > 2 * session.usual:
-                    hole.steps[0 if step == 1 else 2 if step == ANEW else 1] += 1
-            if start < stop:
-                self._take(session, at.take(slice(start, stop)))
+        borders = changes(behind, session.holes).tolist()
+        for start, stop in pairwise(dict.fromkeys((0, *borders, len(at)))):
+            here = slice(start, stop)
+            self._note_holes(session, at.step[here], behind[here])
+            self._take(session, at.take(here))
+
+    def _note_holes(self, session: _Session, step: Array, behind: Array) -> None:
+        """Note how IDs go on behind holes before transfers, of which each has so many `behind` it."""
+        rows = changes(behind, session.holes)
         session.holes = int(behind[-1])
+        if not session.usual:
+            return
+        for number, how in zip(behind[rows].tolist(), step[rows].tolist(), strict=True):
+            hole = self._clock.holes[number - 1]
+            if abs(hole.length) > 2 * session.usual:
+                hole.steps[0 if how == 1 else 2 if how == ANEW else 1] += 1
 
     def _take(self, session: _Session, at: RowPlaces) -> None:
         ran = at.ran

@@ -91,19 +91,22 @@ class Spells:
     ) -> Iterator[SpellPart]:  # fmt: skip
         late = np.zeros(len(on), bool) if torn is None else torn
         if self._patience:
-            before = at.ran[0] if state.last is None else state.last.ran
-            late = late | (steps(at.ran, before) > self._patience)
-        start = 0
-        for k in np.union1d(changes(on, state.spell is not None), np.flatnonzero(late)).tolist():
-            last = at.at(k - 1) if k else state.last
+            since = at.ran[0] if state.last is None else state.last.ran
+            late = late | (steps(at.ran, since) > self._patience)
+        borders = late.copy()
+        borders[changes(on, state.spell is not None)] = True
+        rows, start = np.flatnonzero(borders), 0
+        columns = rows.tolist(), on[rows].tolist(), late[rows].tolist(), at.spots(rows - 1), at.spots(rows)
+        for k, holds, anew, before, here in zip(*columns, strict=True):
+            last = before if k else state.last
             spell = state.spell
-            if spell is not None and last is not None and (late[k] or not on[k]):
-                spell.last, spell.after, spell.silent = last, at.at(k), bool(late[k])
+            if spell is not None and last is not None and (anew or not holds):
+                spell.last, spell.after, spell.silent = last, here, anew
                 state.spell = None
                 yield SpellPart(spell, start, k, over=True)
-            if on[k]:
-                start, here = k, at.at(k)
-                state.spell = Spell(key, None if late[k] else last, here, here)
+            if holds:
+                start = k
+                state.spell = Spell(key, None if anew else last, here, here)
         state.last = at.at(-1)
         if state.spell is not None:
             state.spell.last = state.last

@@ -45,7 +45,7 @@ def build(
     draft = Draft(tuple(taken), captures, shown, events=events)
     for revise in options.revise:
         draft = revise(draft)
-    findings = tuple(replace(finding, fails=_fails(finding, options.fail_on)) for finding in draft.findings)
+    findings = tuple(_gated(finding, options.fail_on) for finding in draft.findings)
     rulings = verdicts.rulings(pages, enabled, [_session(one, findings, folded, settings) for one in taken])
     rules = tuple(folding.ruled(_rule(rule, pages[rule], ruling, settings), folded) for rule, ruling in rulings.items())
     seen = coverage.added([one.checked.seen for one in taken])
@@ -83,8 +83,9 @@ def _events(one: JudgedCapture, pages: Mapping[str, Page]) -> Iterator[DeviceEve
     return events_from(one.checked.outcome, one.checked.facts.bus_names, pages, capture=one.id)
 
 
-def _fails(finding: Finding, fail_on: FailOn) -> bool:
-    return not finding.excused and fail_on.fails(finding.category, finding.severity)
+def _gated(finding: Finding, fail_on: FailOn) -> Finding:
+    fails = not finding.excused and fail_on.fails(finding.category, finding.severity)
+    return finding if fails == finding.fails else replace(finding, fails=fails)
 
 
 # ---- verdicts and gate ----------------------------------------------------------------------------------------------

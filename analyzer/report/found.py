@@ -84,11 +84,11 @@ def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def _course(run: OccurrenceRun, doubt: str) -> dict[str, Any]:
     frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
-    shown = run.examples[0] if run.examples else None
+    first, shown = _place(*run.first), run.examples[0] if run.examples else None
     return {
         "count": run.count,
-        "first": _place(*run.first),
-        "last": _place(*run.last),
+        "first": first,
+        "last": first if run.last == run.first else _place(*run.last),
         "frames": tuple(frames)[:MOST_FRAMES],
         "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
         "text": run.text or ("" if shown is None else shown.text),
@@ -102,9 +102,16 @@ def _evidence(shown: Shown) -> Sequence[int]:
 
 
 def _example(shown: Shown) -> Example:
-    place = _place(shown.t, shown.frame)
-    return Example(place.frame, place.t_ns, shown.text, shown.lines)
+    return Example(_number(shown.frame), _time(shown.t), shown.text, shown.lines)
 
 
 def _place(t: int, frame: int) -> Place:
-    return Place(None if frame < 0 else frame + 1, None if t == NO_TIME else t)
+    return Place(_number(frame), _time(t))
+
+
+def _number(frame: int) -> int | None:
+    return None if frame < 0 else frame + 1
+
+
+def _time(t: int) -> int | None:
+    return None if t == NO_TIME else t

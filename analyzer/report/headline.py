@@ -13,7 +13,7 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.report.model import CaptureSummary, Category, Report
+    from analyzer.report.model import CaptureSummary, Category, Report, Severity
     from analyzer.report.problems import Problem
 
 Tone = Literal["good", "caution", "bad", "idle"]
@@ -170,10 +170,13 @@ def _ungated(report: Report, shown: Sequence[Problem]) -> str:
 def sections(found: Sequence[Problem]) -> list[tuple[Category, list[Problem]]]:
     """Return problems by category, errors before warnings before notes; neighbours of one category are joined."""
     made: list[tuple[Category, list[Problem]]] = []
+    alike: dict[tuple[Severity, Category], list[Problem]] = {}
+    for one in found:
+        alike.setdefault((one.severity, one.head.category), []).append(one)
     for severity in SEVERITIES:
         before = made[-1][0] if made else None
         for category in sorted(RANKS, key=lambda one: one != before):
-            some = [one for one in found if (one.severity, one.head.category) == (severity, category)]
+            some = alike.get((severity, category), [])
             if some and made and made[-1][0] == category:
                 made[-1][1].extend(some)
             elif some:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, TypeVar
 
 from analyzer.report.model import SEVERITIES, Place
-from dissectors.records import dataclass
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -26,19 +27,31 @@ _BASELINES = ("new", "worse", "known", "")
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Findings that agree in all that keeps problems apart; never empty, the worst first."""
+    """Findings that agree in all that keeps problems apart; never empty, the worst first.
+
+    `severity` is the worst of all runs, `baseline` the worst comparison of one with an older report, and `waiver` what
+    excuses it, if all of it is excused.
+    """
 
     runs: tuple[Finding, ...]
+    severity: Severity = field(init=False, compare=False)
+    baseline: str = field(init=False, compare=False)
+    waiver: Waiver | None = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Look at all runs once: reports ask for this again and again."""
+        waivers = [run.waiver for run in self.runs]
+        for name, value in (
+            ("severity", _least([run.severity for run in self.runs], SEVERITIES)),
+            ("baseline", _least([run.baseline for run in self.runs], _BASELINES)),
+            ("waiver", None if None in waivers else waivers[0]),
+        ):
+            object.__setattr__(self, name, value)
 
     @property
     def head(self) -> Finding:
         """The run that stands for all."""
         return self.runs[0]
-
-    @property
-    def severity(self) -> Severity:
-        """The worst of all runs."""
-        return min((run.severity for run in self.runs), key=SEVERITIES.index)
 
     @property
     def count(self) -> int:
@@ -55,17 +68,6 @@ class Problem:
         """The names of all that it is about, each once: the ESC as people call it, else its node; empty for a bus."""
         names = (run.label or ("" if run.node is None else f"node {run.node}") for run in self.runs)
         return list(dict.fromkeys(names))
-
-    @property
-    def waiver(self) -> Waiver | None:
-        """The waiver that excuses it, if all of it is excused."""
-        waivers = [run.waiver for run in self.runs]
-        return None if None in waivers else waivers[0]
-
-    @property
-    def baseline(self) -> str:
-        """The worst comparison of a run with an older report."""
-        return min((run.baseline for run in self.runs), key=_BASELINES.index)
 
     @property
     def open(self) -> bool:
@@ -93,6 +95,11 @@ class Problem:
         return [example for run in self.runs for example in run.examples][:MOST_EXAMPLES]
 
 
+def _least(values: Sequence[_Item], order: Sequence[_Item]) -> _Item:
+    """Return the value that comes first in an order; most problems have one run."""
+    return values[0] if len(values) == 1 else min(values, key=order.index)
+
+
 def _order(place: Place) -> tuple[int, int]:
     return (-1 if place.t_ns is None else place.t_ns, -1 if place.frame is None else place.frame)
 
@@ -102,7 +109,7 @@ def problems(findings: Iterable[Finding], alike: Sequence[str] = SAME) -> list[P
 
     As lines of a report, three and more nodes with the same problem are one, too.
     """
-    groups = _grouped(findings, lambda finding: tuple(getattr(finding, name) for name in alike))
+    groups = _grouped(findings, attrgetter(*alike))
     found = [Problem(tuple(group)) for group in groups]
     if tuple(alike) != SAME:
         return found

@@ -119,8 +119,9 @@ def _facts(capture: CaptureSummary, page: _Page) -> Iterator[str]:
 
 def _sections(report: Report, head: Headline, page: _Page) -> list[tuple[Category, list[Problem]]]:
     """Return what is found by category; all runs if everything is wanted, else what is open."""
-    runs = [Problem((run,)) for run in report.findings]
-    return headline.sections(runs if page.everything else [one for one in head.problems if one.open])
+    if page.everything:
+        return headline.sections([Problem((run,)) for run in report.findings])
+    return headline.sections([one for one in head.problems if one.open])
 
 
 def _heading(category: Category, page: _Page) -> str:

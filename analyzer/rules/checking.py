@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch, Engine
     from analyzer.facts.summary import Facts, StoredCapture
+    from analyzer.facts.traffic import ForeignIds
     from analyzer.rules.exercised.coverage import Seen
     from analyzer.rules.judge import Outcome
     from analyzer.rules.named_frames import TakesOccurrences
@@ -49,11 +50,21 @@ class Measured(NamedTuple):
 
 
 class Check:
-    """Adds up batches of one capture, first `measured` and then fed; memory is bounded."""
+    """Adds up batches of one capture, first `measured` and then fed; memory is bounded.
 
-    def __init__(self, registry: Registry, settings: Settings, named: TakesOccurrences | None = None) -> None:
+    Args:
+        registry: the types that the capture is decoded with.
+        settings: what is looked for.
+        named: is told which frames are named.
+        foreign: see `Summary`.
+    """
+
+    def __init__(
+        self, registry: Registry, settings: Settings, named: TakesOccurrences | None = None,
+        foreign: ForeignIds | None = None,
+    ) -> None:  # fmt: skip
         self.judge = Judge(registry, settings, named)
-        self._summary = Summary(registry)
+        self._summary = Summary(registry, foreign)
         self._seen = Tracker(registry)
         self._course = Course()
         self._clock = TimeResolution()

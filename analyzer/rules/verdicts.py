@@ -116,10 +116,11 @@ def _tallies(pages: Mapping[str, Page], captures: Iterable[RatedCapture]) -> dic
     found: dict[str, _Tally] = {}
     for capture in captures:
         for one in capture.breaches:
-            tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
+            if (tally := found.get(one.rule)) is None:
+                tally = found[one.rule] = _Tally()
             if one.excused == "waived" or (one.excused and one.severity != "note"):
                 tally.excused[one.excused] += 1
-            elif one.severity == "note" and (doubt := _doubt(page, capture)):
+            elif one.severity == "note" and (doubt := _doubt(pages[one.rule], capture)):
                 tally.lost += 1
                 tally.doubt = doubt
             else:

@@ -13,18 +13,22 @@ if TYPE_CHECKING:
 
     from dissectors.kit.array import Array
 
-_FLOATS = {pa.float32(): "f4", pa.float64(): "f8"}
+_PLAIN = {
+    kind.id: np.dtype(name)
+    for name, kind in (
+        ("u1", pa.uint8()), ("u2", pa.uint16()), ("u4", pa.uint32()), ("u8", pa.uint64()),
+        ("i1", pa.int8()), ("i2", pa.int16()), ("i4", pa.int32()), ("i8", pa.int64()),
+        ("i8", pa.timestamp("ns")), ("i8", pa.duration("ns")), ("f4", pa.float32()), ("f8", pa.float64()),
+    )
+}  # fmt: skip
 
 
 def numbers(array: pa.Array) -> Array:
     """Return a column of numbers, times or flags as numpy, null cells with an arbitrary value."""
-    if pa.types.is_boolean(array.type):
-        return _bits(array.buffers()[1], array.offset, len(array))
-    width = array.type.bit_width // 8
-    kind = _FLOATS.get(array.type)
+    kind = _PLAIN.get(array.type.id)
     if kind is None:
-        kind = f"{'u' if pa.types.is_unsigned_integer(array.type) else 'i'}{width}"
-    return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * width)
+        return _bits(array.buffers()[1], array.offset, len(array))
+    return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * kind.itemsize)
 
 
 def valid(array: pa.Array) -> Array:

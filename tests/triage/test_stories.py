@@ -159,6 +159,12 @@ def test_law_any_cut_gives_the_same(told: Told, flush: object, data: st.DataObje
     assert told(*pieces) == told(said)
 
 
+def test_a_cut_just_before_a_hole_counts_nobody_twice(told: Told, flush: object) -> None:
+    said = moved(flight_text(), 6000, without=4.5)
+    cut = said.index(f"({START / 1e9 + 10.5:.1f}".encode())
+    assert told(said[:cut], flush, said[cut:]) == told(said)
+
+
 @examples(25)
 @given(said=st.binary(max_size=200))
 def test_law_nothing_raises(told: Told, said: bytes) -> None:

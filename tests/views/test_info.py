@@ -32,7 +32,7 @@ class Stored:
 
 
 def facts(got: Any, registry: Registry, name: str = "crash.log") -> Facts:
-    summary = Summary(registry)
+    summary = Summary(registry, traffic.ForeignIds())
     for batch in got.batches:
         summary.feed(batch)
     return summary.finish([Stored(name)], got.engine)

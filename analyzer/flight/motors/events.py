@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from analyzer.flight.motors.reports import EscReader
     from analyzer.flight.motors.watch import ComparedReports
     from analyzer.flight.reports import EventOrder
-    from analyzer.flight.spells import Spell, SpellPart
+    from analyzer.flight.spells import Spell
+    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 MOST_DEVICES = 256
@@ -54,15 +55,13 @@ class _Memory:
     count: int = 0
     sure: bool = False
 
-    def note(self, some: ComparedReports, rows: slice) -> None:
-        """Take the next reports."""
-        low = (some.speed[rows] < threshold("motor_once_slow")) | (
-            some.current[rows] < threshold("motor_once_unloaded")
-        )
-        self.add(_Memory(
-            (), some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
-            some.reported[rows][:_TOLD].tolist(), len(some.speed[rows]), bool(low.any()),
-        ))  # fmt: skip
+    def note(self, some: ComparedReports, far: Array, start: int, stop: int) -> None:
+        """Take the next reports; `far` off are those of which one is enough."""
+        for mine, its in ((self.speed, some.speed), (self.current, some.current), (self.reported, some.reported)):
+            if (room := _TOLD - len(mine)) > 0:
+                mine.extend(its[start : min(stop, start + room)].tolist())
+        self.count += stop - start
+        self.sure = self.sure or bool(far[start:stop].any())
 
     @property
     def driven_faster(self) -> bool:
@@ -128,16 +127,13 @@ class MotorEvents(ReportEvents):
             self._tell(spell)
 
     def _follow(self, key: tuple[str, int], some: ComparedReports) -> None:
+        far = (some.speed < threshold("motor_once_slow")) | (some.current < threshold("motor_once_unloaded"))
         for part in self._spells.feed(key, some.off, some.at):
-            self._note(part, some)
+            if part.spell.memory is None:
+                part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
+            part.spell.memory.note(some, far, part.start, part.stop)
             if part.over:
                 self._end(part.spell)
-
-    @staticmethod
-    def _note(part: SpellPart, some: ComparedReports) -> None:
-        if part.spell.memory is None:
-            part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
-        part.spell.memory.note(some, slice(part.start, part.stop))
 
     def _end(self, spell: Spell) -> None:
         """Take a spell that is over; those of a motor that follow each other closely are one."""

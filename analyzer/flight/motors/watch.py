@@ -44,10 +44,9 @@ class ComparedReports(NamedTuple):
 
     def before(self, row: int) -> list[Spot | None]:
         """Return the last reports before one that were well, each way."""
-        return [
-            self.at.at(last) if last >= 0 else earlier
-            for last, earlier in zip(self.well[row].tolist(), self.earlier, strict=True)
-        ]
+        rows = self.well[row].tolist()
+        spots = {last: self.at.at(last) for last in set(rows) if last >= 0}  # mostly the same one each way
+        return [spots.get(last, earlier) for last, earlier in zip(rows, self.earlier, strict=True)]
 
 
 class MotorWatch:

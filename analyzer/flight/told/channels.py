@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.devices.escs import CHANNEL
-from analyzer.devices.rows import usable
 from analyzer.devices.settings import commands
 from analyzer.tables import distinct
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
+    from analyzer.flight.tables import ReportReader
     from dissectors import Registry
 
 _MOST = 0xFF  # an index of the protocol has five bits
@@ -25,18 +25,19 @@ class ToldChannels:
 
     Args:
         registry: the types. Whoever commands a channel has none of its own by that.
+        reader: of the tables of each batch.
     """
 
-    def __init__(self, registry: Registry) -> None:
-        self._registry = registry
+    def __init__(self, registry: Registry, reader: ReportReader) -> None:
+        self._registry, self._reader = registry, reader
         self._told: dict[tuple[int, int], set[int]] = {}
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for name, table in batch.messages.items():
             told = CHANNEL in table.schema.names and "src" in table.schema.names
-            if told and not commands(self._registry, name):
-                self._note(usable(table))
+            if told and not commands(self._registry, name) and (some := self._reader.rows(name, batch)) is not None:
+                self._note(some)
 
     def _note(self, table: pa.RecordBatch) -> None:
         column = table.column(CHANNEL)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.devices.rows import usable
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.flight.clock import ANEW
 from analyzer.flight.flights import ARMED, ARMING
@@ -18,12 +17,13 @@ from dissectors.kit.order import changes, groups
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import RecordedClock, RowPlaces, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
+    from analyzer.flight.reports import EventOrder
     from dissectors.kit import Array
 
 LOG = "uavcan.protocol.debug.LogMessage"
@@ -35,12 +35,11 @@ class NodeEvents:
     """Adds up batches; bounded by the nodes that there can be.
 
     Args:
-        clock: of the capture, fed before.
-        add: takes the events.
+        order: the clock and the tables of the capture, and who takes the events.
     """
 
-    def __init__(self, clock: RecordedClock, add: Callable[[FlightEvent], None]) -> None:
-        self._clock, self._add = clock, add
+    def __init__(self, order: EventOrder) -> None:
+        self._clock, self._add, self._reader = order.clock, order.add, order.reader
         self._seen = np.zeros(1 << 16, bool)  # by bus and node
         self._anew: dict[int, int] = {}  # recorded time at which transfer IDs of a node began anew
         self._uptimes: dict[int, tuple[int, Spot]] = {}
@@ -54,9 +53,9 @@ class NodeEvents:
             (LOG, "text", self._note_texts),
             (ARMING, "status", self._note_arming),
         ):
-            table = batch.messages.get(name)
+            table = self._reader.rows(name, batch)
             if table is not None and column in table.schema.names:  # a folder may have another type of this name
-                feed(usable(table))
+                feed(table)
 
     def finish(self) -> None:
         """Take the end: everything has been told."""
@@ -76,8 +75,9 @@ class NodeEvents:
                 if spot.ran - start > lasting("join"):
                     self._tell("join", "is heard for the first time", None, spot, code)
         anew = np.flatnonzero(at.step == ANEW)
-        for row in anew[(src[anew] > 0) & (at.t[anew] != NO_TIME)].tolist():
-            self._anew[int(bus[row]) << 8 | int(src[row])] = int(at.ran[row])
+        if len(anew):
+            anew = anew[(src[anew] > 0) & (at.t[anew] != NO_TIME)]
+            self._anew.update(zip((bus[anew] << 8 | src[anew]).tolist(), at.ran[anew].tolist(), strict=True))
 
     def _note_uptimes(self, table: pa.RecordBatch) -> None:
         """Note uptimes that fell and can have begun since the report before, and how they went on behind holes."""

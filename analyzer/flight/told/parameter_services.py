@@ -6,8 +6,9 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
-from analyzer.devices.settings import GET_SET, MOST_TEXT, given, written
+from analyzer.devices.settings import GET_SET, MOST_TEXT, given, holds_value, written
 from analyzer.facts.meaning import meaning
 from analyzer.flight.log import FlightEvent
 from dissectors.kit.cells import numbers, pylist
@@ -15,8 +16,6 @@ from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import pyarrow as pa
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Spot
@@ -54,32 +53,39 @@ class ParameterServiceEvents:
 
     def _note_asked(self, table: pa.RecordBatch) -> None:
         """Take requests that set a parameter; one without a value asks for it."""
+        table = self._with_values(table)
         at, (bus, src), dst = self._clock.of(table), _senders(table), pylist(table.column("dst"))
         names, told = _texts(table), pylist(table.column("value"))
-        for row in np.flatnonzero(at.t != NO_TIME).tolist():
-            value = given(told[row])
-            if value is not None and names[row]:
-                spot, text = at.at(row), f"sets {names[row]} of node {dst[row]} to {written(value)}"
-                values = _numbers(names[row], value)
+        for row, name in enumerate(names):
+            if name:
+                value = given(told[row])
+                spot, text = at.at(row), f"sets {name} of node {dst[row]} to {written(value)}"
+                values = _numbers(name, value)
                 self._tell("parameter", text, spot, spot, bus[row], src[row], f"{GET_SET}.Request", values)
 
     def _note_answers(self, table: pa.RecordBatch) -> None:
         """Note what devices answer that they did not before."""
+        table = self._with_values(table)
         at, (bus, src) = self._clock.of(table), _senders(table)
         names, told = _texts(table), pylist(table.column("value"))
-        for row in np.flatnonzero(at.t != NO_TIME).tolist():
-            value = given(told[row])
-            if value is None or not names[row]:
+        for row, name in enumerate(names):
+            if not name:
                 continue
-            key, text, spot = (bus[row], src[row], names[row]), written(value), at.at(row)
+            value = given(told[row])
+            key, text, spot = (bus[row], src[row], name), written(value), at.at(row)
             known = self._known.get(key)
             if known is not None and known[0] != text:
                 self._tell(
-                    "parameter", f"reports {names[row]} {known[0]} -> {text}", known[1], spot, bus[row], src[row],
-                    f"{GET_SET}.Response", _numbers(names[row], value),
+                    "parameter", f"reports {name} {known[0]} -> {text}", known[1], spot, bus[row], src[row],
+                    f"{GET_SET}.Response", _numbers(name, value),
                 )  # fmt: skip
             if known is not None or len(self._known) < MOST_KNOWN:
                 self._known[key] = text, spot
+
+    def _with_values(self, table: pa.RecordBatch) -> pa.RecordBatch:
+        """Return the rows that have a time and a value."""
+        rows = holds_value(table.column("value")) & (self._clock.of(table).t != NO_TIME)
+        return table if rows.all() else table.filter(pa.array(rows))
 
     def _note_opcodes(self, table: pa.RecordBatch) -> None:
         """Take requests to save or erase all parameters."""

@@ -12,7 +12,7 @@ from analyzer.facts.meaning import meaning
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from dissectors.kit.cells import numbers
-from dissectors.kit.order import changes, groups
+from dissectors.kit.order import groups
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -31,11 +31,19 @@ MOST_SHOWN = 8  # in one text
 
 
 class _Known(NamedTuple):
-    """The last value of a parameter, as a number (None: it is none) and in words, and where it was."""
+    """The last value of a parameter, as a number and in words."""
 
-    value: float | None
+    value: float
     text: str
-    at: Spot
+
+
+class _Device(NamedTuple):
+    """The rows of one device in a table: what is `changed` in which of them, from which words, and is `known` now."""
+
+    code: int
+    rows: Array
+    changed: dict[int, list[tuple[_Setting, str]]]
+    known: dict[str, _Known]
 
 
 class ParameterEvents(ReportEvents):
@@ -49,7 +57,8 @@ class ParameterEvents(ReportEvents):
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
         self._told = [plot for plot in self._plots if plot.parameters and not commands(order.registry, plot.table)]
-        self._known: dict[tuple[object, ...], _Known] = {}
+        self._known: dict[tuple[str, int, str], _Known] = {}
+        self._last: dict[tuple[str, int], Spot] = {}  # report of a device
         self._settings: dict[
             str, tuple[list[str], list[_About]]
         ] = {}  # columns of a table, and those that are settings
@@ -115,45 +124,76 @@ class ParameterEvents(ReportEvents):
         clause = getattr(self._registry.definition(plot.table), "clause", "")
         timed = at.t != NO_TIME
         nodes = groups(numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))
-        devices = [(code, places[timed[places]]) for code, places in nodes]
-        still = _still(columns, [rows for _, rows in devices if len(rows)])
-        for code, rows in devices:
-            found: dict[int, list[tuple[_Setting, str]]] = {}
-            for one in columns:
-                key = plot.table, code, one.name
-                known = self._known.get(key)
-                if known is not None and one.name in still and len(rows) and known.value == one.values[rows[0]]:
-                    continue
-                mine = rows[one.has[rows]]
-                if not len(mine):
-                    continue
-                first = known.value if known is not None and known.value is not None else float(one.values[mine[0]])
-                for k in changes(one.values[mine], first).tolist():
-                    before = one.text(int(mine[k - 1])) if k else known.text if known is not None else ""
-                    found.setdefault(int(mine[k]), []).append((one, before))
-                last = int(mine[-1])
-                self._remember(key, _Known(float(one.values[last]), one.text(last), at.at(last)))
-            self._tell_reports(plot, code, found, rows, at, clause)
+        devices = [_Device(code, places[timed[places]], {}, {}) for code, places in nodes if timed[places].any()]
+        if not devices:
+            return
+        rows, ends = np.concatenate([one.rows for one in devices]), np.cumsum([len(one.rows) for one in devices])
+        for setting in columns:
+            self._compare(plot, setting, devices, rows, ends)
+        for device in devices:
+            self._tell_reports(plot, device, at, clause)
 
-    def _tell_reports(
-        self, plot: Plot, code: int, found: Mapping[int, list[tuple[_Setting, str]]], rows: Array, at: RowPlaces,
-        clause: str,
-    ) -> None:  # fmt: skip
-        key = plot.table, code
-        last = self._known.get(key)
-        for row in sorted(found):
-            place = int(np.searchsorted(rows, row))
-            before = at.at(int(rows[place - 1])) if place else last.at if last is not None else at.at(row)
-            text = _listed([f"{one.name} {old} -> {one.text(row)}" for one, old in found[row]])
-            values = {one.name: float(one.values[row]) for one, _ in found[row][:MOST_SHOWN]}
-            who = code >> 8, code & 0xFF
-            self._tell(f"reports {text}", before, at.at(row), who, plot.table, values, clause)
-        if len(rows):
-            self._remember(key, _Known(None, "", at.at(int(rows[-1]))))
+    def _compare(self, plot: Plot, one: _Setting, devices: Sequence[_Device], rows: Array, ends: Array) -> None:
+        """Let devices know where a setting is not what it was in their report before, and what it is at the end.
 
-    def _remember(self, key: tuple[object, ...], known: _Known) -> None:
-        if key in self._known or len(self._known) < MOST_KNOWN:
-            self._known[key] = known
+        Their `rows` stand one device behind the other, up to the `ends`.
+        """
+        if not one.has.all():
+            has = one.has[rows]
+            rows, ends = rows[has], np.cumsum(has)[ends - 1]
+            if not len(rows):
+                return
+            some = np.flatnonzero(np.diff(ends, prepend=0))
+            devices, ends = [devices[k] for k in some.tolist()], ends[some]
+        values, begins = one.values[rows], np.concatenate(([0], ends[:-1]))
+        moves = np.empty(len(rows), bool)
+        np.not_equal(values[1:], values[:-1], out=moves[1:])
+        knowns = [self._known.get((plot.table, device.code, one.name)) for device in devices]
+        firsts = list(map(float, values[begins].tolist()))
+        moves[begins] = [
+            first != (first if known is None else known.value) for first, known in zip(firsts, knowns, strict=True)
+        ]
+        moved = np.flatnonzero(moves)
+        if not len(moved) and None not in knowns:
+            return
+        whose = np.searchsorted(ends, moved, "right")
+        for place, who in zip(moved.tolist(), whose.tolist(), strict=True):
+            known = knowns[who]
+            old = "" if known is None else known.text
+            if place != begins[who]:
+                old = one.text(int(rows[place - 1]))
+            devices[who].changed.setdefault(int(rows[place]), []).append((one, old))
+        for device, known, last in zip(devices, knowns, (ends - 1).tolist(), strict=True):
+            value = float(values[last])
+            if known is None or known.value != value:
+                device.known[one.name] = _Known(value, one.text(int(rows[last])))
+
+    def _tell_reports(self, plot: Plot, device: _Device, at: RowPlaces, clause: str) -> None:
+        code = device.code
+        for name, known in device.known.items():
+            if (key := (plot.table, code, name)) in self._known or self._room:
+                self._known[key] = known
+        whole = plot.table, code
+        if device.changed:
+            self._tell_changes(plot, device, at, clause)
+        if whole in self._last or self._room:
+            self._last[whole] = at.at(int(device.rows[-1]))
+
+    def _tell_changes(self, plot: Plot, device: _Device, at: RowPlaces, clause: str) -> None:
+        code, last = device.code, self._last.get((plot.table, device.code))
+        rows = np.array(sorted(device.changed), np.int64)
+        places = np.searchsorted(device.rows, rows)
+        columns = rows.tolist(), places.tolist(), at.spots(device.rows[places - 1]), at.spots(rows)
+        for row, place, before, here in zip(*columns, strict=True):
+            since = before if place else last or here
+            changed = device.changed[row]
+            text = _listed([f"{one.name} {old} -> {one.text(row)}" for one, old in changed])
+            values = {one.name: float(one.values[row]) for one, _ in changed[:MOST_SHOWN]}
+            self._tell(f"reports {text}", since, here, (code >> 8, code & 0xFF), plot.table, values, clause)
+
+    @property
+    def _room(self) -> bool:
+        return len(self._known) + len(self._last) < MOST_KNOWN
 
     def _tell(
         self, text: str, before: Spot, here: Spot, who: tuple[int, int], type_: str, values: Mapping[str, float],
@@ -197,20 +237,6 @@ class _Setting(NamedTuple):
         if self.in_hex and isinstance(value, int):
             return f"0x{value & 0xFFFF_FFFF:X}" if value < 0 else f"0x{value:X}"
         return f"{written(value)}{self.unit}"
-
-
-def _still(columns: Sequence[_Setting], devices: Sequence[Array]) -> set[str]:
-    """Return the settings that all rows have and that change between no two rows of one device."""
-    rows = np.concatenate(devices) if devices else np.zeros(0, np.int64)
-    first = np.cumsum([len(one) for one in devices], dtype=np.int64)[:-1]
-    found = set()
-    for one in columns:
-        values = one.values[rows]
-        moves = values[1:] != values[:-1]
-        moves[first - 1] = False
-        if not moves.any() and one.has.all():
-            found.add(one.name)
-    return found
 
 
 def _special(about: Any, column: pa.Array) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.flight.supply.extents import EscExtent
     from analyzer.flight.witness import Witness
 
+_START, _STOP = itemgetter(0), itemgetter(1)
 _NEARLY_ALL = 98  # percent
 _MOSTLY = 0.9
 _PAUSES = 5  # of reports in the mean, after which somebody is gone
@@ -70,6 +73,11 @@ class FlightCase:
         self.escs: list[EscExtent] = telling
         self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < alive]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
+        self._senders = {(one.bus, one.node) for one in self.paces}
+        self._usual: dict[tuple[int | None, int | None, str], int] = {}
+        for one in self.paces:
+            of = one.bus, one.node, one.type
+            self._usual[of] = max(one.usual, self._usual.get(of, 0))
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
         self.calm_limit = self._usual_spread()
@@ -214,7 +222,7 @@ class FlightCase:
     def others_lost(self, node: Node, event: FlightEvent) -> bool:
         """Return whether IDs of other nodes are missing where one is silent."""
         low, high = self.span(event)[0], (event.after or event.first).ran
-        return self.losses.missing(low, high, {(one.bus, one.node) for one in self.paces} - {node}) > 0
+        return self.losses.missing(low, high, self._senders - {node}) > 0
 
     def in_joint_loss(self, event: FlightEvent) -> bool:
         """Return whether an event lies in a time in which the recorder lost frames of everybody.
@@ -227,18 +235,19 @@ class FlightCase:
         if event.kind in _ANEW:
             return False
         if event.kind not in _SILENT:
-            inside = [stop for start, stop in self.joint if low <= stop and high >= start]
-            return bool(inside) and until <= max(inside) + lasting("motor_window")
-        joint = sum(max(0, min(until, stop) - max(low, start)) for start, stop in self.joint)
-        usual = max(
-            (one.usual for one in self.paces if (one.bus, one.node, one.type) == (event.bus, event.node, event.type)),
-            default=0,
-        )
+            inside = self._joint_near(low, high)
+            return bool(inside) and until <= inside[-1][1] + lasting("motor_window")
+        joint = sum(max(0, min(until, stop) - max(low, start)) for start, stop in self._joint_near(low, until))
+        usual = self._usual.get((event.bus, event.node, event.type), 0)
         return joint > 0 and until - low - joint <= max(2 * usual, lasting("hole"))
 
     def in_hole(self, at: int) -> bool:
         """Return whether the recorder lost frames of everybody then."""
-        return any(start - 3 * STEP <= at <= stop + 3 * STEP for start, stop in self.joint)
+        return bool(self._joint_near(at - 3 * STEP, at + 3 * STEP))
+
+    def _joint_near(self, low: int, high: int) -> Sequence[tuple[int, int]]:
+        """Return those of `joint` that touch a time."""
+        return self.joint[bisect_left(self.joint, low, key=_STOP) : bisect_right(self.joint, high, key=_START)]
 
     @staticmethod
     def span(event: FlightEvent) -> tuple[int, int]:
@@ -289,7 +298,7 @@ class FlightCase:
         """Return when commands were calm for long, after a time."""
         need, step = lasting("calm_again"), at
         while step + need <= self.stop:
-            above = self.pulse.first_above(self.calm_limit, step, step + need)
+            above = self.pulse.last_above(self.calm_limit, step, step + need)
             if above is None:
                 off = self.pulse.mean(step, step + need).min(initial=100) <= threshold("command_idle_percent")
                 return None if off else step  # nobody steers who commands nothing
