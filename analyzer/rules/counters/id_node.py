@@ -141,7 +141,7 @@ class IdNode:
             rows = every[: every.searchsorted(until)]
             if len(rows):
                 last = steps.last[rows]
-                shown = self.senders.shows(place, steps.code.item(rows[0]), int(last.max()), view)
+                shown = self.senders.shows(place, int(last.max()), view)
                 if shown is not None:
                     end = min(end, int(rows[np.argmax(last >= shown)]))
         return end
