@@ -45,11 +45,14 @@ class EarlyWraps:
             self._fell = t
         self._uptime = uptime
 
+    def __bool__(self) -> bool:
+        """Return whether some session fell to 0."""
+        return bool(self._alike)
+
     def end(self, places: Iterable[int]) -> None:
         """Add other odd steps of some sessions."""
-        if self._alike:
-            for place in places:
-                self._alike.pop(place, None)
+        for place in places:
+            self._alike.pop(place, None)
 
     def add(self, one: IdStep, *, to_zero: bool) -> bool:
         """Return whether the odd steps of a session are, one after the other, falls to 0 from the same ID."""

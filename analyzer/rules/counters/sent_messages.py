@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from analyzer.rules.counters.id_patterns import SharedCounter
 from analyzer.rules.counters.id_steps import LATE, MESSAGE, of_message
 from analyzer.tables import TRANSFER_IDS
+from dissectors.kit import groups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,14 +51,31 @@ class Uptime(NamedTuple):
     transfer_id: int
 
 
+class SentMessages:
+    """The messages of a batch by their senders."""
+
+    def __init__(self, transfers: TransferTable) -> None:
+        self.transfers = transfers
+
+    @cached_property
+    def _rows(self) -> dict[int, Array]:
+        t = self.transfers
+        rows = np.flatnonzero(t.kind == MESSAGE)
+        return {key: rows[mine] for key, mine in groups(t.bus[rows].astype(np.int64) << 8 | t.src[rows])}
+
+    def of(self, bus: int, node: int) -> Array:
+        """Return the rows of those that a node sent."""
+        return self._rows.get(bus << 8 | node, np.empty(0, np.int64))
+
+
 class WalkedMessages:
     """The messages of a node in a batch, walked through while a shared counter may show.
 
     `uptimes` are those in its NodeStatus.
     """
 
-    def __init__(self, transfers: TransferTable, uptimes: Sequence[Uptime]) -> None:
-        self._t = transfers
+    def __init__(self, sent: SentMessages, uptimes: Sequence[Uptime]) -> None:
+        self._sent, self._t = sent, sent.transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on
         self._at = 0
@@ -128,16 +147,15 @@ class WalkedMessages:
         while self._at < len(rows) and rows[self._at] <= row:
             here = rows[self._at]
             frames = t.frames(here) if shared.wants_frames() else None
-            if not shared.fits(int(t.code[here]), int(t.transfer_id[here]), int(t.step[here]), frames):
+            if not shared.fits(t.code.item(here), t.transfer_id.item(here), t.step.item(here), frames):
                 node.shared = None
                 return
             self._at += 1
 
     def _of(self, node: Follower) -> list[int]:
         if self._rows is None:
-            t = self._t
-            rows = np.flatnonzero((t.src == node.node) & (t.bus == node.bus) & (t.kind == MESSAGE))
-            ids = t.transfer_id[rows].astype(np.int64)
+            rows = self._sent.of(node.bus, node.node)
+            ids = self._t.transfer_id[rows].astype(np.int64)
             self._rows = rows.tolist()
             self._breaks = (np.flatnonzero((ids[1:] - ids[:-1]) % TRANSFER_IDS != 1) + 1).tolist()
         return self._rows

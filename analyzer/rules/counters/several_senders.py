@@ -12,7 +12,7 @@ from analyzer.rules.counters.id_steps import COPIED
 from dissectors.kit import NO_TIME, SESSION
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from analyzer.rules.counters.id_steps import IdStep
     from dissectors.kit import Array, View
@@ -57,6 +57,10 @@ class SeveralSenders:
         """Return whether a session is followed."""
         return place in self._followed
 
+    def unfollowed(self, places: Iterable[int]) -> list[bool]:
+        """Return which of some sessions are not followed."""
+        return [place not in self._followed for place in places]
+
     def shows(self, place: int, number: int, view: View) -> int | None:
         """Take the starts of a session that is followed, up to a frame.
 
@@ -86,7 +90,7 @@ class SeveralSenders:
         while (found := followed.shows(number, _gaps(view))) is not None:
             _, t, took_over = found
             self.seen = t if took_over else self.seen
-        return _shared(followed, view.type_name(one.code))
+        return _shared(followed, one.code, view)
 
 
 def _read(followed: SessionCounters, number: int, view: View) -> SessionCounters:
@@ -102,19 +106,21 @@ def _gaps(view: View) -> tuple[int, Array]:
     return view.start, view.gap_ends
 
 
-def _shared(followed: SessionCounters, type_: str) -> Shared | None:
-    """Return what shows several senders in a session."""
+def _shared(followed: SessionCounters, code: int, view: View) -> Shared | None:
+    """Return what shows several senders in a session of a type."""
     chains = [*map(_Chain._make, followed.chains())]
     if chains:
         *places, last = (str(one.last) for one in chains)
-        evidence = f"{_NUMBERS[len(chains)]} transfer-ID counters in {type_}, at {', '.join(places)} and {last}"
+        evidence = (
+            f"{_NUMBERS[len(chains)]} transfer-ID counters in {view.type_name(code)}, at {', '.join(places)} and {last}"
+        )
         return Shared(evidence, _onset(chains), [one.start for one in chains if one.start is not None])
     resumed = followed.goes_on()
     if resumed is None:
         return None
     at, since, number, other = resumed
     between = "no order" if other is None else f"always {other}"
-    evidence = f"a transfer-ID counter in {type_} at {at}, and in between {between}"
+    evidence = f"a transfer-ID counter in {view.type_name(code)} at {at}, and in between {between}"
     return Shared(evidence, since, () if number is None else (number,))
 
 

@@ -16,7 +16,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.id_node import IdNode
 from analyzer.rules.counters.id_steps import LATE, id_steps, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
-from analyzer.rules.counters.sent_messages import Uptime, WalkedMessages
+from analyzer.rules.counters.sent_messages import SentMessages, Uptime, WalkedMessages
 from dissectors.kit import NO_TIME, Rule, groups
 
 if TYPE_CHECKING:
@@ -40,11 +40,11 @@ class TransferIds(Rule):
         self._orphans.feed(view)
         t = view.transfers
         steps = _by_node(id_steps(view, odd_rows(t), self._orphans), t)
-        uptimes = _uptimes(view)
+        uptimes, messages = _uptimes(view), SentMessages(t)
         others = (key for key, node in self._nodes.items() if node.shared is not None)
         for key in dict.fromkeys((*steps, *uptimes, *others)):
             node = self._nodes.setdefault(key, IdNode(*key))
-            sent = WalkedMessages(t, uptimes.get(key, ()))
+            sent = WalkedMessages(messages, uptimes.get(key, ()))
             if key in steps:
                 yield from node.feed(steps[key], view, sent)
             sent.run(node, len(t))
