@@ -26,7 +26,7 @@ _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 # By then a node has said that it restarted, and transfers without an end are given up.
 _LATER = 5 * SECOND // 2
 # Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
-_AHEAD, _MOST_AHEAD = 2, 64
+_AHEAD, _MOST_AHEAD = 4, 64
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 

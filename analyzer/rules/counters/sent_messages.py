@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import deque
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -12,7 +11,7 @@ import numpy as np
 from analyzer.rules.counters.id_patterns import SharedCounter
 from analyzer.rules.counters.id_steps import LATE, MESSAGE, of_message
 from analyzer.tables import TRANSFER_IDS
-from dissectors.kit import groups
+from dissectors.kit import NO_TIME, groups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,13 +41,18 @@ class Follower(Protocol):
         """Give up looking for a cause of what is held."""
 
 
-class Uptime(NamedTuple):
-    """An uptime that a node states: the row of the transfer, its time, seconds, its transfer ID."""
+class Uptimes(NamedTuple):
+    """Uptimes that a node states: rows of the transfers, their times, seconds, their transfer IDs."""
 
-    row: int
-    t: int
-    seconds: int
-    transfer_id: int
+    row: Array
+    t: Array
+    seconds: Array
+    transfer_id: Array
+
+    @classmethod
+    def none(cls) -> Uptimes:
+        """Return no uptimes."""
+        return cls(*[np.empty(0, np.int64)] * 4)
 
 
 class SentMessages:
@@ -74,36 +78,39 @@ class WalkedMessages:
     `uptimes` are those in its NodeStatus.
     """
 
-    def __init__(self, sent: SentMessages, uptimes: Sequence[Uptime]) -> None:
+    def __init__(self, sent: SentMessages, uptimes: Uptimes) -> None:
         self._sent, self._t = sent, sent.transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on
         self._at = 0
-        self._uptimes = deque(uptimes)
+        self._uptimes = uptimes
+        self._stated: list[int] = uptimes.row.tolist()
+        self._told = 0  # of these
 
     def tell(self, node: Follower, row: int) -> None:
         """Tell the uptimes before a row."""
-        while self._uptimes and self._uptimes[0].row < row:
-            _, t, uptime, transfer_id = self._uptimes.popleft()
-            if node.held and t - node.last > LATE:
-                node.calm()
-            node.wraps.status(t, uptime)
-            node.anew.uptimes.add(t, uptime, transfer_id)
+        begin = self._told
+        self._told = end = bisect_left(self._stated, row, begin)
+        if begin == end:
+            return
+        stated = [column[begin:end].tolist() for column in self._uptimes[1:]]
+        late = next((k for k, t in enumerate(stated[0]) if t - node.last > LATE), None) if node.held else None
+        if late is not None:
+            _state(node, [column[:late] for column in stated])
+            node.calm()
+        _state(node, [column[late:] for column in stated])
 
     def until_silence(self, node: Follower, begin: int, end: int) -> int:
         """Return the step up to which no uptime is told long after a step."""
         steps = node.window.steps
-        last = node.last
-        k = begin
-        for at, t, _, _ in self._uptimes:
-            behind = k + int(np.searchsorted(steps.row[k:end], at))
-            if behind >= end:
-                break
-            last = max(last, int(steps.t[k:behind].max(initial=last)))
-            if t - last > LATE:
-                return behind
-            k = behind
-        return end
+        row, t, _, _ = (column[self._told :] for column in self._uptimes)
+        if not len(row):
+            return end
+        behind = begin + np.searchsorted(steps.row[begin:end], row)
+        last = np.maximum.accumulate(np.append(node.last, steps.t[begin:end]))[behind - begin]
+        late = (last == NO_TIME) | (t - np.where(last == NO_TIME, 0, last) > LATE)
+        late &= (t != NO_TIME) & (behind < end)
+        return int(behind[late.argmax()]) if late.any() else end
 
     def begin(self, node: Follower, row: int) -> None:
         """Start with the message of a row."""
@@ -159,3 +166,10 @@ class WalkedMessages:
             self._rows = rows.tolist()
             self._breaks = (np.flatnonzero((ids[1:] - ids[:-1]) % TRANSFER_IDS != 1) + 1).tolist()
         return self._rows
+
+
+def _state(node: Follower, stated: Sequence[Sequence[int]]) -> None:
+    """Tell a node's uptimes: times, seconds and transfer IDs."""
+    t, seconds, transfer_id = stated
+    node.wraps.status(t, seconds)
+    node.anew.uptimes.add(t, seconds, transfer_id)

@@ -147,7 +147,11 @@ impl SessionCounters {
     /// The next start up to a frame with which several senders show, its time, and whether one took over with it.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn shows(&mut self, py: Python<'_>, number: u64, since: Since) -> PyResult<Option<(u64, i64, bool)>> {
-        let ends = if self.0.starts.waits(number) { since.1.to_vec(py)? } else { vec![] };
+        let ends = if self.0.starts.waits(number) {
+            since.1.to_vec(py)?
+        } else {
+            vec![]
+        };
         let found = self.0.shows(number, since.gaps(&ends));
         Ok(found.map(|(one, took_over)| (one.number, one.t, took_over)))
     }
