@@ -20,12 +20,15 @@ _NEVER = 1 << 62
 
 
 class CaptureGaps:
-    """Gaps of a capture, the latest ones; `ends` says when each ended."""
+    """Gaps of a capture, the latest ones: `known` says since when, until when, and whether each hides something.
+
+    `ends` are their ends.
+    """
 
     def __init__(self) -> None:
         self.ends = np.empty(0, np.int64)
-        self._gaps: list[tuple[int, int, bool]] = []
-        self._ends: list[int] = []  # the same: faster for one question
+        self.known: list[tuple[int, int, bool]] = []
+        self._ends: list[int] = []  # the ends: faster for one question
         self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
         self._latest: Array = np.empty(0, np.int64)
 
@@ -49,12 +52,12 @@ class CaptureGaps:
             end = at + max(known, 1)
             usual = whole[max(end - _BUSY, 0) : end]
             if apart[at] < 0:
-                self._gaps[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
+                self.known[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
                 continue
             busy = len(usual) == _BUSY and int(apart[at]) > _SILENT * (int(usual[-1]) - int(usual[0]))
-            self._gaps.append((int(whole[end - 1]), int(whole[end]), busy))
-        del self._gaps[:-_MOST]
-        self._hiding, self._ends = [], [end for _, end, _ in self._gaps]
+            self.known.append((int(whole[end - 1]), int(whole[end]), busy))
+        del self.known[:-_MOST]
+        self._hiding, self._ends = [], [end for _, end, _ in self.known]
         self.ends = np.array(self._ends, np.int64)
 
     def resumed(self, t: int, start: int) -> int:
@@ -66,7 +69,7 @@ class CaptureGaps:
         """Return whether there is a gap somewhere between two times that hides something."""
         if not self._ends:
             return False
-        if len(self._hiding) < len(self._gaps):
-            self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self._gaps)), min)][::-1]
+        if len(self._hiding) < len(self.known):
+            self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self.known)), min)][::-1]
         at = bisect_right(self._ends, since)
-        return at < len(self._gaps) and self._hiding[at] < until
+        return at < len(self.known) and self._hiding[at] < until
