@@ -27,7 +27,7 @@ __all__ = [
     "Reader",
     "RecentOrders",
     "Rows",
-    "SessionStarts",
+    "SessionCounters",
     "Sheet",
     "SupplyLine",
     "Template",
@@ -50,6 +50,7 @@ _Spec: TypeAlias = tuple[int, str, bytes | None, bytes, bytes, list[_Spec]]
 _Steps: TypeAlias = tuple[float, float, float]
 _Table: TypeAlias = list[tuple[int, Cells | None, Cells | None, Cells | None]]
 _Taken: TypeAlias = tuple[bytes, list[tuple[int, bytes, int]], tuple[int, int]]
+_Odd: TypeAlias = tuple[int, int, int, int, int]
 _Answers: TypeAlias = tuple[Cells, Cells, Cells, tuple[Cells, Cells], tuple[Cells, Cells]]
 _FamilySpec: TypeAlias = tuple[bytes, int, int, int, int, list[tuple[int, int, list[int]]]]
 
@@ -220,13 +221,16 @@ class FrameIndex:
     def __deepcopy__(self, _memo: object, /) -> FrameIndex: ...
 
 @final
-class SessionStarts:
-    def __new__(cls, bus: int, session: int, number: int, id: int, t: int, data: bytes) -> SessionStarts: ...  # noqa: A002
+class SessionCounters:
+    def __new__(cls, bus: int, session: int, start: _Odd, data: bytes, least: int) -> SessionCounters: ...
     @property
     def unread(self) -> int: ...
     def read(self, index: FrameIndex) -> None: ...
-    def next(self, number: int) -> tuple[int, int, int, int, int, bool] | None: ...
-    def __deepcopy__(self, _memo: object, /) -> SessionStarts: ...
+    def add(self, start: _Odd, since: tuple[int, Any]) -> None: ...
+    def shows(self, number: int, since: tuple[int, Any]) -> tuple[int, int, bool] | None: ...
+    def chains(self) -> list[tuple[int, int, int, int, int | None]]: ...
+    def goes_on(self) -> tuple[int, int, int | None, int | None] | None: ...
+    def __deepcopy__(self, _memo: object, /) -> SessionCounters: ...
 
 def diagnose(
     question: int,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from functools import cached_property
-from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.identifiers import NOBODY, who
 from analyzer.facts.names import type_name
+from analyzer.rules.capture_gaps import GAP, CaptureGaps
 from analyzer.rules.joint.losses import JointLossSearch
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
@@ -41,10 +40,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, JointLosses, Kept, Seconds, Values
     from dissectors.schema import Message
 
-GAP = SECOND  # without a frame of any interface
-MOST_GAPS = 4096
-BUSY, SILENT = 16, 8  # a gap this many times as long as the last frames took hides something
-_NEVER = 1 << 62
 MESSAGE = KINDS.index("message")
 
 
@@ -67,12 +62,9 @@ class Past:
         self.buses: Sequence[str] = ()
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
-        self.gaps: list[tuple[int, int, bool]] = []
-        self._ends: list[int] = []  # of gaps
-        self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
-        self.resolution = SECOND
+        self.gaps = CaptureGaps()
+        self.resolution = SECOND  # how coarse times are
         self._joint = JointLossSearch()
-        self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
 
     def feed(self, batch: Batch, bits: Array | None = None) -> BatchView:
@@ -121,54 +113,15 @@ class Past:
             return
         one = times[0]
         t = one.t if len(times) == 1 else frames.t[frames.t != NO_TIME]
-        self._note_gaps(t, calm=len(times) == 1 and max(one.longest, one.back) <= GAP)
+        since = t - self.gaps.feed(t, calm=len(times) == 1 and max(one.longest, one.back) <= GAP)
+        while self.resolution > 1 and (since // self.resolution * self.resolution != since).any():
+            self.resolution //= 10
         self.origin = int(t[0]) if self.origin == NO_TIME else self.origin
         self.last = int(t[-1])
         self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
         self.end = max(self.end, int(t.max()))
         for one in times:
             self.starts.setdefault(one.bus, int(one.t[0]))
-
-    def _note_gaps(self, t: Array, *, calm: bool) -> None:
-        """Note times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are.
-
-        A gap is said to hide something where much was sent before it. A clock that is set back by as much begins anew,
-        too. Among times that are `calm` there is none.
-        """
-        last = int(self._latest[-1]) if len(self._latest) else int(t[0])
-        if not calm or abs(int(t[0]) - last) > GAP:
-            self._add_gaps(t)
-        self._latest = np.append(self._latest, t[-BUSY:])[-BUSY:]
-        since = t - last
-        while self.resolution > 1 and (since // self.resolution * self.resolution != since).any():
-            self.resolution //= 10
-
-    def _add_gaps(self, t: Array) -> None:
-        known = len(self._latest)
-        whole = np.concatenate((self._latest, t))
-        apart = np.diff(whole[max(known - 1, 0) :])
-        for at in np.flatnonzero(np.abs(apart) > GAP)[-MOST_GAPS:].tolist():
-            end = at + max(known, 1)
-            usual = whole[max(end - BUSY, 0) : end]
-            if apart[at] < 0:
-                self.gaps[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
-                continue
-            busy = len(usual) == BUSY and int(apart[at]) > SILENT * (int(usual[-1]) - int(usual[0]))
-            self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
-        del self.gaps[:-MOST_GAPS]
-        self._hiding, self._ends = [], [end for _, end, _ in self.gaps]
-
-    def resumed(self, t: int) -> int:
-        """Return the end of the last gap before a time, else the first time of the capture."""
-        at = bisect_right(self._ends, t)
-        return self._ends[at - 1] if at else self.start
-
-    def paused(self, since: int, until: int) -> bool:
-        """Return whether there is a gap somewhere between two times that hides something."""
-        if len(self._hiding) < len(self.gaps):
-            self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self.gaps)), min)][::-1]
-        at = bisect_right(self._ends, since)
-        return at < len(self.gaps) and self._hiding[at] < until
 
 
 class BatchView:
@@ -232,11 +185,16 @@ class BatchView:
 
     def resumed(self, t: int) -> int:
         """Return the time since when frames have come without a gap."""
-        return self._past.resumed(t)
+        return self._past.gaps.resumed(t, self._past.start)
+
+    @property
+    def gap_ends(self) -> Array:
+        """When each gap ended."""
+        return self._past.gaps.ends
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""
-        return self._past.paused(since, until)
+        return self._past.gaps.paused(since, until)
 
     @property
     def resolution(self) -> int:

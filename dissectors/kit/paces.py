@@ -25,7 +25,8 @@ _ALIKE = 2.5  # times that another pace may be off
 _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 # By then a node has said that it restarted, and transfers without an end are given up.
 _LATER = 5 * SECOND // 2
-_AHEAD = 32  # times of a sender that may be breaks and are looked at together: a break begins anew behind it
+# Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
+_AHEAD, _MOST_AHEAD = 4, 64
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
@@ -210,11 +211,11 @@ class _Reports:
         for one, (at, start, stop) in zip(self._senders, last, strict=True):
             one.first = int(self.t[start]) if one.first == NO_TIME else one.first
             one.settle(self.t[at:stop], self.lost[at:stop])
-        begin = self.start.copy()
+        begin, ahead = self.start.copy(), np.full(len(self.start), _AHEAD)
         rows, short = self._long()
         while len(rows):
             of = self._of[rows]
-            next_ = np.arange(len(rows)) - np.searchsorted(of, of) < _AHEAD
+            next_ = np.arange(len(rows)) - np.searchsorted(of, of) < ahead[of]
             broken, over = self._first_breaks(rows[next_], short[next_], begin), np.zeros(len(begin), bool)
             for row, period in broken:
                 k = self._of.item(row)
@@ -224,6 +225,7 @@ class _Reports:
                 self._senders[k].end(found[k][-1])
                 self._senders[k].settle(self.t[row + 1 : stop], self.lost[row + 1 : stop])
                 begin[k], over[k] = row + 1, True
+            ahead = np.where(over, _AHEAD, np.minimum(2 * ahead, _MOST_AHEAD))
             left = np.where(over[of], rows >= begin[of], ~next_)
             rows, short = rows[left], short[left]
         for one, *places in zip(self._senders, begin.tolist(), self.stop.tolist(), strict=True):

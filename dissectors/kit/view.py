@@ -170,6 +170,10 @@ class View(Protocol):
         Nothing is known of what was sent in a gap, so nothing in front of it counts behind it. `NO_TIME` without times.
         """
 
+    @property
+    def gap_ends(self) -> Array:
+        """When each gap (CAP-002) so far ended, the latest ones, in order: what `resumed` returns."""
+
     def paused(self, since: int, until: int) -> bool:
         """Return whether the capture has a gap between two times (CAP-002) that may hide what is missing.
 

@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pytest
-from kit.judged import registry
 
+from analyzer.rules.capture_gaps import GAP, CaptureGaps
 from analyzer.rules.joint.alike import identities
 from analyzer.rules.joint.lack_rows import LackRows
 from analyzer.rules.joint.repeats import Repeats
-from analyzer.rules.view import GAP, Past
 from analyzer.tables import FRAMES
 from dissectors.kit import SECOND, FrameTable
 
@@ -95,14 +94,14 @@ def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_gap_is_found_wherever_it_is(seed: int) -> None:
-    chance, past = random.Random(seed), Past(registry(), {})
+    chance, gaps = random.Random(seed), CaptureGaps()
     t, times = 0, [0]
     for _ in range(400):
         t += chance.choice([1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2000, 9000]) * SECOND // 1000
         times.append(t)
-    past._note_gaps(np.array(times, np.int64), calm=False)
+    gaps.feed(np.array(times, np.int64), calm=False)
     for _ in range(500):
         since, until = sorted((chance.randrange(t), chance.randrange(t)))
-        by_hand = any(busy and begin < until and end > since for begin, end, busy in past.gaps)
-        assert past.paused(since, until) == by_hand
-    assert any(busy and end - begin > GAP for begin, end, busy in past.gaps)
+        by_hand = any(busy and begin < until and end > since for begin, end, busy in gaps.known)
+        assert gaps.paused(since, until) == by_hand
+    assert any(busy and end - begin > GAP for begin, end, busy in gaps.known)

@@ -3,17 +3,21 @@
 //!
 //! An answer by CRC is wrong once in 65536 attempts, so attempts are few. [`index`] finds the frames of a session,
 //! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`], [`losses`] and [`misnumbered`] are the
-//! causes, [`questions`] what rules ask; [`starts`] shows how a session counted.
+//! causes, [`questions`] what rules ask; [`starts`] shows how a session counted, and [`counters`] whether several senders
+//! did: by turns ([`interleaved`]), or one between what another one sends ([`resumed`]).
 #![forbid(unsafe_code)]
 
 use crate::wire::crc;
 
+pub mod counters;
 pub mod index;
+pub mod interleaved;
 pub mod losses;
 pub mod misnumbered;
 pub mod neighbours;
 pub mod proofs;
 pub mod questions;
+pub mod resumed;
 pub mod starts;
 pub mod tail_bits;
 

@@ -206,7 +206,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
-    m.add_class::<diagnosis::SessionStarts>()?;
+    m.add_class::<diagnosis::SessionCounters>()?;
     m.add_class::<esc_rows::EscRows>()?;
     m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;

@@ -12,13 +12,13 @@ from analyzer.rules.counters.begun_anew import NEAR, BegunAnew
 from analyzer.rules.counters.id_patterns import EarlyWraps, SharedCounter, changed_places
 from analyzer.rules.counters.id_steps import (
     COPIED,
-    GAP,
     IS_COPY,
     IS_RESTART,
     LATE,
     QUIET,
     RESTARTED,
     RULES,
+    MovedStep,
 )
 from analyzer.rules.counters.id_window import LONGEST, MOST_HELD, StepWindow
 from analyzer.rules.counters.late_copies import time_before
@@ -62,7 +62,7 @@ class IdNode:
         self._window: StepWindow | None = None
         self._at = 0  # the next step
         self._found: list[int] = []
-        self._moved: dict[int, IdStep] = {}
+        self._moved: dict[int, MovedStep] = {}
 
     @property
     def window(self) -> StepWindow:
@@ -132,18 +132,14 @@ class IdNode:
         end = sent.until_silence(self, k, min(end, window.next_changed(self.held, k, end)))
         if end - k < _FEW:
             return k
-        sessions = window.sessions(k, end)
-        end = min(end, *(int(rows[0]) if place not in self.senders else end for place, rows in sessions))
+        end = window.next_of(self.senders.unfollowed(window.places), k, end)
         if end - k < _FEW:
             return k
         until = end
-        for place, every in sessions:
-            rows = every[: every.searchsorted(until)]
-            if len(rows):
-                last = steps.last[rows]
-                shown = self.senders.shows(place, steps.code.item(rows[0]), int(last.max()), view)
-                if shown is not None:
-                    end = min(end, int(rows[np.argmax(last >= shown)]))
+        for place, rows, last in window.sessions(k, until):
+            shown = self.senders.shows(place, last, view)
+            if shown is not None:
+                end = min(end, int(rows[np.argmax(steps.last[rows] >= shown)]))
         return end
 
     def _explained_until(self) -> int:
@@ -173,7 +169,8 @@ class IdNode:
 
     def _hold_all(self, begin: int, end: int, sent: WalkedMessages) -> None:
         steps = self.window.steps
-        self.wraps.end(np.unique(steps.place[begin:end][steps.rule[begin:end] != IS_COPY]).tolist())
+        if self.wraps:
+            self.wraps.end(set(steps.place[begin:end][steps.rule[begin:end] != IS_COPY].tolist()))
         self.held += range(begin, end)
         sent.begin_latest(self, begin, end)
         limit = int(steps.t[begin:end].max()) - LONGEST
@@ -247,7 +244,7 @@ class IdNode:
     def _hold(self, k: int, one: IdStep, view: View, sent: WalkedMessages) -> Iterator[Occurrence]:
         """Hold a step back, unless the cause shows with it."""
         self.held.append(k)
-        wraps = self._wraps(one)
+        wraps = self._wraps(one, k)
         self.cause = cause = self._shares(one, k, sent) or self._are_several(one, view) or wraps
         if cause is not None:
             yield cause
@@ -299,10 +296,9 @@ class IdNode:
         if not changed_places([(steps.before.item(k), steps.transfer_id.item(k)) for k in (first, *after)]):
             return first
         self.held = [k for k in self.held if k not in after]
-        one, note = steps.step(first), steps.early[first] or steps.late[[first, *after]].any()
-        values = {**one.values, "lost": 0, "cause": REORDERED}
-        frames = (*one.frames, *steps.frames(after[0]))
-        self._moved[first] = one._replace(rule=GAP, severity="note" if note else None, frames=frames, values=values)
+        noted = bool(steps.early[first] or steps.late[[first, *after]].any())
+        values = {**steps.values(first), "lost": 0, "cause": REORDERED}
+        self._moved[first] = MovedStep((*steps.frames(first), *steps.frames(after[0])), values, noted)
         return first
 
     def _shares(self, one: IdStep, k: int, sent: WalkedMessages) -> Occurrence | None:
@@ -316,13 +312,13 @@ class IdNode:
         values = {"types": len(self.shared.types), "node": self.node}
         return Occurrence("TRF-020", self.shared.t, self.bus, self.node, "", tuple(self.shared.frames), values)
 
-    def _wraps(self, one: IdStep) -> Occurrence | None:
+    def _wraps(self, one: IdStep, k: int) -> Occurrence | None:
         if one.rule == COPIED or not self.wraps.add(one, to_zero=one.rule == RESTARTED):
             return None
         steps = self.window.steps
-        first = next(k for k in self.held if steps.rule[k] == IS_RESTART and steps.before[k] == one.before)
+        first = next(at for at in self.held if steps.rule[at] == IS_RESTART and steps.before[at] == one.before)
         frames = tuple(dict.fromkeys((*steps.frames(first), *one.frames)))
-        values = {**one.values, "cause": WRAPPING.format(one.before)}
+        values = {**steps.values(k), "cause": WRAPPING.format(one.before)}
         return Occurrence(RESTARTED, steps.t.item(first), self.bus, self.node, "", frames, values)
 
     def _are_several(self, one: IdStep, view: View) -> Occurrence | None:

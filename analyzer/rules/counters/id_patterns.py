@@ -39,17 +39,21 @@ class EarlyWraps:
         self._uptime = 0
         self._fell = NO_TIME  # when the uptime last did, or was 0
 
-    def status(self, t: int, uptime: int) -> None:
-        """Add the node's next NodeStatus."""
-        if not uptime or uptime < self._uptime:
-            self._fell = t
-        self._uptime = uptime
+    def status(self, t: Sequence[int], uptimes: Sequence[int]) -> None:
+        """Add what the node's next NodeStatus say."""
+        for at, uptime in zip(t, uptimes, strict=True):
+            if not uptime or uptime < self._uptime:
+                self._fell = at
+            self._uptime = uptime
+
+    def __bool__(self) -> bool:
+        """Return whether some session fell to 0."""
+        return bool(self._alike)
 
     def end(self, places: Iterable[int]) -> None:
         """Add other odd steps of some sessions."""
-        if self._alike:
-            for place in places:
-                self._alike.pop(place, None)
+        for place in places:
+            self._alike.pop(place, None)
 
     def add(self, one: IdStep, *, to_zero: bool) -> bool:
         """Return whether the odd steps of a session are, one after the other, falls to 0 from the same ID."""
@@ -70,12 +74,13 @@ class UptimeWitness:
         self._known: deque[tuple[int, int, int]] = deque(maxlen=_MOST_STATUS)
         self._older: tuple[int, int] | None = None  # time and uptime
 
-    def add(self, t: int, uptime: int, transfer_id: int) -> None:
-        """Add the next one."""
-        if t != NO_TIME:
-            if len(self._known) == _MOST_STATUS:
-                self._older = self._known[0][:2]
-            self._known.append((t, uptime, transfer_id))
+    def add(self, t: Sequence[int], uptimes: Sequence[int], transfer_ids: Sequence[int]) -> None:
+        """Add the next ones."""
+        new = [one for one in zip(t, uptimes, transfer_ids, strict=True) if one[0] != NO_TIME]
+        last = len(self._known) + len(new) - _MOST_STATUS - 1  # that is not kept
+        if last >= 0:
+            self._older = (self._known[last] if last < len(self._known) else new[last - len(self._known)])[:2]
+        self._known.extend(new)
 
     def began(self, since: int, until: int) -> bool | None:
         """Return whether the node began anew between two times: None if its counter may have, and its uptime not."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.rules.counters.orphan_frames import OrphanFrames
-    from dissectors.kit import Array, Severity, TransferTable, Values, View
+    from dissectors.kit import Array, TransferTable, Values, View
 
 MESSAGE, REQUEST = KINDS.index("message"), KINDS.index("request")
 QUIET = 2 * SECOND  # after it any transfer ID may follow (4.1.3)
@@ -29,35 +29,20 @@ _SERVICE = 0x80  # bit of an identifier
 
 
 class IdStep(NamedTuple):
-    """One step that is not 1. `code` is the type for `View.type_name`, `place` the session: bus and identifier.
+    """One step that is not 1, of transfers with these frames.
 
-    `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
-    `since` is the time of the transfer before; `cause` is that of a gap. In `place` the bus stands above 32 bits.
+    `code` is the type for `View.type_name`, `place` the session: the identifier, and above 32 bits the bus. `since` is
+    the time of the transfer before.
     """
 
     rule: str
-    severity: Severity | None
-    late: bool
     t: int
+    since: int
     code: int
+    place: int
     transfer_id: int
     before: int
     frames: Sequence[int]
-    values: Values
-    since: int
-    early: bool
-    place: int
-    cause: str = ""
-
-    @property
-    def step(self) -> int:
-        """Return how far it counted, 0 to 31."""
-        return (self.transfer_id - self.before) % TRANSFER_IDS
-
-    def as_gap(self) -> IdStep:
-        """Return the step as a gap, if what looks like a restart is none."""
-        values = {**self.values, "lost": (self.step - 1) % TRANSFER_IDS, "cause": self.cause}
-        return self._replace(rule=GAP, values=values, severity="note" if self.early else None)
 
     @property
     def of_message(self) -> bool:
@@ -65,10 +50,19 @@ class IdStep(NamedTuple):
         return not self.place & _SERVICE
 
 
+class MovedStep(NamedTuple):
+    """What is told of a step of which only the order changed; `noted` says that it proves little."""
+
+    frames: Sequence[int]
+    values: Values
+    noted: bool
+
+
 class IdSteps(NamedTuple):
     """Steps, a row each, in the order of their transfers; columns as in `IdStep`.
 
     `rule` is a place in `RULES`, `row` that of the transfer in its batch, `gap` the time since the transfer before.
+    `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
     `astray` marks those whose missing IDs came without a start. `lead` and `last` are their first and last frames;
     `begin` says where the frames of each stand in `numbers`, `size` how many they are.
     """
@@ -117,21 +111,22 @@ class IdSteps(NamedTuple):
 
     def step(self, k: int) -> IdStep:
         """Return one."""
-        rule, late, early, astray, t, since, gap, code, place, transfer_id, before = (
-            column.item(k) for column in self[:11]
-        )
-        expected = (before + 1) % TRANSFER_IDS
-        values: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
-        cause = WITHOUT_START if astray else ""
-        if rule == IS_GAP:
-            values |= {"lost": (transfer_id - expected) % TRANSFER_IDS, "cause": cause}
-        elif rule == IS_COPY:
-            values["milliseconds"] = gap / MILLISECOND
-        noted = rule == IS_GAP and (late or early)
         return IdStep(
-            RULES[rule], "note" if noted else None, late, t, code, transfer_id, before, self.frames(k), values,
-            since, early, place, cause,
+            RULES[self.rule.item(k)], self.t.item(k), self.since.item(k), self.code.item(k), self.place.item(k),
+            self.transfer_id.item(k), self.before.item(k), self.frames(k),
         )  # fmt: skip
+
+    def values(self, k: int) -> dict[str, Any]:
+        """Return what the text of one says."""
+        rule, transfer_id = self.rule.item(k), self.transfer_id.item(k)
+        expected = (self.before.item(k) + 1) % TRANSFER_IDS
+        found: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
+        if rule == IS_GAP:
+            cause = WITHOUT_START if self.astray.item(k) else ""
+            found |= {"lost": (transfer_id - expected) % TRANSFER_IDS, "cause": cause}
+        elif rule == IS_COPY:
+            found["milliseconds"] = self.gap.item(k) / MILLISECOND
+        return found
 
 
 def of_message(place: Array) -> Array:

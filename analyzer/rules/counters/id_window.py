@@ -19,7 +19,7 @@ from analyzer.tables import TRANSFER_IDS
 from dissectors.kit import NO_TIME, SECOND, by_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.rules.counters.id_patterns import SharedCounter
     from analyzer.rules.counters.id_steps import IdSteps
@@ -44,16 +44,17 @@ class StepWindow:
         self._known_since = -1  # the first step that is still known as the one before
         size = len(steps.t)
         each, self._which = np.unique(steps.place, return_inverse=True)
-        self._places: list[int] = each.tolist()
-        order, begins = by_key(self._which.astype(np.int64))
-        ends = np.append(begins[1:], size)
-        self._of_place = [order[begin:end] for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)]
+        self.places: list[int] = each.tolist()
+        order, begins = by_key(self._which)
+        self._ends = order[np.append(begins[1:], size) - 1]
         self.past = self._shifted(order, 1)
         self._step = (steps.transfer_id - steps.before) % TRANSFER_IDS
         self._as_before = self._skips_alike()
         self.watched = self._to_watch(self._shifted(order, -1))
         self.quiet = self._apart(last)
         self._looked_at = self._to_look_at()
+        zero = (steps.rule == IS_RESTART) | ((steps.rule == IS_REPEATED) & (steps.transfer_id == 0))
+        self._to_zero: list[int] = np.flatnonzero(zero).tolist()  # no other step becomes one to 0
 
     def _shifted(self, order: Array, by: int) -> Array:
         """Return the step of the same session before each one (or behind it), -1 for none."""
@@ -68,13 +69,10 @@ class StepWindow:
         steps, past = self.steps, self.past
         found: Array = (steps.rule == IS_RESTART) & (past >= self.new)
         found &= (steps.transfer_id[past] == steps.before) & (self._step[past] == self._step)
-        for rows in self._of_place:
-            at = int(np.searchsorted(rows, self.new))
-            known = self._before.get(int(steps.place[rows[0]])) if at < len(rows) else None
-            if known is not None:
-                k = rows[at]
-                alike = known == (steps.before[k], self._step[k])
-                found[k] = alike and steps.rule[k] == IS_RESTART
+        first = (past < self.new) & (steps.rule == IS_RESTART)  # of its session in the batch
+        first[: self.new] = False
+        for k in np.flatnonzero(first).tolist() if self._before else ():
+            found[k] = self._before.get(steps.place.item(k)) == (steps.before.item(k), self._step.item(k))
         return found
 
     def _to_watch(self, behind: Array) -> list[int]:
@@ -147,6 +145,8 @@ class StepWindow:
     def forget(self, since: int) -> None:
         """Forget what came before a step: it is the one before no other."""
         self._known_since = since
+        if not self._as_before.any():
+            return
         lost = (self.past < since) & (self.steps.rule == IS_RESTART) & self._as_before
         lost[: max(since, self.new)] = False
         rows = np.flatnonzero(lost)
@@ -193,30 +193,39 @@ class StepWindow:
 
     def at_zero(self, begin: int, end: int) -> list[int]:
         """Return the steps that may be restarts."""
-        rule, transfer_id = self.steps.rule[begin:end], self.steps.transfer_id[begin:end]
-        found = (rule == IS_RESTART) | ((rule == IS_REPEATED) & (transfer_id == 0))
-        rows: list[int] = (np.flatnonzero(found) + begin).tolist()
-        return rows
+        some = self._to_zero[bisect_left(self._to_zero, begin) : bisect_left(self._to_zero, end)]
+        return [k for k in some if self._is_zero(k)]
 
-    def sessions(self, begin: int, end: int) -> list[tuple[int, Array]]:
-        """Return the sessions of some steps, and which these are of each."""
-        if len(self._places) == 1:
-            return [(self._places[0], np.arange(begin, end))]
+    def next_of(self, wanted: Sequence[bool], k: int, end: int) -> int:
+        """Return the next step from `k` on of the sessions that are wanted, `end` if there is none before."""
+        if not any(wanted):
+            return end
+        found = np.array(wanted)[self._which[k:end]]
+        return k + int(found.argmax()) if found.any() else end
+
+    def sessions(self, begin: int, end: int) -> Iterator[tuple[int, Array, int]]:
+        """Yield the sessions of some steps, which these are of each, and the last one of their frames."""
+        if len(self.places) == 1:
+            yield self.places[0], np.arange(begin, end), int(self.steps.last[begin:end].max())
+            return
         which = self._which[begin:end]
         order, first = by_key(which)
-        ends = np.append(first[1:], len(order)).tolist()
-        each = zip(which[order[first]].tolist(), first.tolist(), ends, strict=True)
+        last = np.maximum.reduceat(self.steps.last[begin:end][order], first).tolist()
+        each = which[order[first]].tolist()
         order += begin
-        return [(self._places[one], order[low:high]) for one, low, high in each]
+        ends = [*first[1:].tolist(), len(order)]
+        for one, low, high, frame in zip(each, first.tolist(), ends, last, strict=True):
+            yield self.places[one], order[low:high], frame
 
     def latest(self) -> dict[int, tuple[int, int]]:
         """Return what the next batch needs to know of the latest steps."""
         found = {} if self._known_since >= 0 else dict(self._before)
         least = max(self._known_since, self.new)
-        for place, rows in zip(self._places, self._of_place, strict=True):
-            k = rows[-1]
-            if k >= least:
-                found[place] = self.steps.transfer_id.item(k), self._step.item(k)
+        late = np.flatnonzero(self._ends >= least)
+        k = self._ends[late]
+        columns = late, self.steps.transfer_id[k], self._step[k]
+        for one, transfer_id, step in zip(*(column.tolist() for column in columns), strict=True):
+            found[self.places[one]] = transfer_id, step
         return found
 
     def zeros(self, rows: Iterable[int]) -> list[tuple[int, AtZero]]:

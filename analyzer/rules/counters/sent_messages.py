@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import deque
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from analyzer.rules.counters.id_patterns import SharedCounter
 from analyzer.rules.counters.id_steps import LATE, MESSAGE, of_message
 from analyzer.tables import TRANSFER_IDS
+from dissectors.kit import NO_TIME, groups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,13 +41,35 @@ class Follower(Protocol):
         """Give up looking for a cause of what is held."""
 
 
-class Uptime(NamedTuple):
-    """An uptime that a node states: the row of the transfer, its time, seconds, its transfer ID."""
+class Uptimes(NamedTuple):
+    """Uptimes that a node states: rows of the transfers, their times, seconds, their transfer IDs."""
 
-    row: int
-    t: int
-    seconds: int
-    transfer_id: int
+    row: Array
+    t: Array
+    seconds: Array
+    transfer_id: Array
+
+    @classmethod
+    def none(cls) -> Uptimes:
+        """Return no uptimes."""
+        return cls(*[np.empty(0, np.int64)] * 4)
+
+
+class SentMessages:
+    """The messages of a batch by their senders."""
+
+    def __init__(self, transfers: TransferTable) -> None:
+        self.transfers = transfers
+
+    @cached_property
+    def _rows(self) -> dict[int, Array]:
+        t = self.transfers
+        rows = np.flatnonzero(t.kind == MESSAGE)
+        return {key: rows[mine] for key, mine in groups(t.bus[rows].astype(np.int64) << 8 | t.src[rows])}
+
+    def of(self, bus: int, node: int) -> Array:
+        """Return the rows of those that a node sent."""
+        return self._rows.get(bus << 8 | node, np.empty(0, np.int64))
 
 
 class WalkedMessages:
@@ -55,36 +78,39 @@ class WalkedMessages:
     `uptimes` are those in its NodeStatus.
     """
 
-    def __init__(self, transfers: TransferTable, uptimes: Sequence[Uptime]) -> None:
-        self._t = transfers
+    def __init__(self, sent: SentMessages, uptimes: Uptimes) -> None:
+        self._sent, self._t = sent, sent.transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on
         self._at = 0
-        self._uptimes = deque(uptimes)
+        self._uptimes = uptimes
+        self._stated: list[int] = uptimes.row.tolist()
+        self._told = 0  # of these
 
     def tell(self, node: Follower, row: int) -> None:
         """Tell the uptimes before a row."""
-        while self._uptimes and self._uptimes[0].row < row:
-            _, t, uptime, transfer_id = self._uptimes.popleft()
-            if node.held and t - node.last > LATE:
-                node.calm()
-            node.wraps.status(t, uptime)
-            node.anew.uptimes.add(t, uptime, transfer_id)
+        begin = self._told
+        self._told = end = bisect_left(self._stated, row, begin)
+        if begin == end:
+            return
+        stated = [column[begin:end].tolist() for column in self._uptimes[1:]]
+        late = next((k for k, t in enumerate(stated[0]) if t - node.last > LATE), None) if node.held else None
+        if late is not None:
+            _state(node, [column[:late] for column in stated])
+            node.calm()
+        _state(node, [column[late:] for column in stated])
 
     def until_silence(self, node: Follower, begin: int, end: int) -> int:
         """Return the step up to which no uptime is told long after a step."""
         steps = node.window.steps
-        last = node.last
-        k = begin
-        for at, t, _, _ in self._uptimes:
-            behind = k + int(np.searchsorted(steps.row[k:end], at))
-            if behind >= end:
-                break
-            last = max(last, int(steps.t[k:behind].max(initial=last)))
-            if t - last > LATE:
-                return behind
-            k = behind
-        return end
+        row, t, _, _ = (column[self._told :] for column in self._uptimes)
+        if not len(row):
+            return end
+        behind = begin + np.searchsorted(steps.row[begin:end], row)
+        last = np.maximum.accumulate(np.append(node.last, steps.t[begin:end]))[behind - begin]
+        late = (last == NO_TIME) | (t - np.where(last == NO_TIME, 0, last) > LATE)
+        late &= (t != NO_TIME) & (behind < end)
+        return int(behind[late.argmax()]) if late.any() else end
 
     def begin(self, node: Follower, row: int) -> None:
         """Start with the message of a row."""
@@ -128,16 +154,22 @@ class WalkedMessages:
         while self._at < len(rows) and rows[self._at] <= row:
             here = rows[self._at]
             frames = t.frames(here) if shared.wants_frames() else None
-            if not shared.fits(int(t.code[here]), int(t.transfer_id[here]), int(t.step[here]), frames):
+            if not shared.fits(t.code.item(here), t.transfer_id.item(here), t.step.item(here), frames):
                 node.shared = None
                 return
             self._at += 1
 
     def _of(self, node: Follower) -> list[int]:
         if self._rows is None:
-            t = self._t
-            rows = np.flatnonzero((t.src == node.node) & (t.bus == node.bus) & (t.kind == MESSAGE))
-            ids = t.transfer_id[rows].astype(np.int64)
+            rows = self._sent.of(node.bus, node.node)
+            ids = self._t.transfer_id[rows].astype(np.int64)
             self._rows = rows.tolist()
             self._breaks = (np.flatnonzero((ids[1:] - ids[:-1]) % TRANSFER_IDS != 1) + 1).tolist()
         return self._rows
+
+
+def _state(node: Follower, stated: Sequence[Sequence[int]]) -> None:
+    """Tell a node's uptimes: times, seconds and transfer IDs."""
+    t, seconds, transfer_id = stated
+    node.wraps.status(t, seconds)
+    node.anew.uptimes.add(t, seconds, transfer_id)

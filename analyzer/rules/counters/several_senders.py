@@ -1,20 +1,24 @@
-"""The sessions of a node in which several devices send, by the starts of their transfers."""
+"""The sessions of a node in which several devices send, by the starts of their transfers.
+
+Transfers are told in the order of their ends, and what never ends is told late; only the starts say who counted how.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.rules.counters.id_steps import COPIED, QUIET
-from analyzer.rules.counters.interleaved_senders import InterleavedSenders, named, onset
-from analyzer.rules.counters.resumed_counter import ResumedCounter
-from analyzer.rules.counters.session_starts import OddStart, SessionStarts
-from dissectors.kit import NO_TIME
+from analyzer._native import SessionCounters
+from analyzer.rules.counters.id_steps import COPIED
+from dissectors.kit import NO_TIME, SESSION
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from analyzer.rules.counters.id_steps import IdStep
-    from dissectors.kit import View
+    from dissectors.kit import Array, View
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
+_NEVER = 1 << 62
 
 
 class Shared(NamedTuple):
@@ -25,39 +29,24 @@ class Shared(NamedTuple):
     frames: Sequence[int]
 
 
-class _Session:
-    """The starts of a session, and what they may show."""
+class _Chain(NamedTuple):
+    """One sender's counter: its ID, the time before its first start, how often it took over; when it began, its frame.
 
-    def __init__(self, place: int, start: OddStart, data: bytes) -> None:
-        self.starts = SessionStarts(place, start, data)
-        self._senders = InterleavedSenders()
-        self._resumed = ResumedCounter(start.before)
+    `begun` counts odd starts.
+    """
 
-    def add(self, one: OddStart) -> bool:
-        """Add a start; return whether one of several senders took over with it."""
-        took_over = self._senders.add(one)
-        return self._resumed.add(one) or took_over
-
-    def shared(self, type_: str, least: int) -> Shared | None:
-        """Return what shows several senders, each with so many transfers."""
-        if not self._senders.likely and not self._resumed.likely(least):
-            return None
-        chains, resumed = self._senders.counters(least), self._resumed
-        if chains:
-            frames = [one.start for one in chains if one.start >= 0]
-            return Shared(named(chains, type_), onset(chains), frames)
-        other = resumed.other(least)
-        if other is None:
-            return None
-        evidence = f"a transfer-ID counter in {type_} at {resumed.last}, and in between {other}"
-        return Shared(evidence, resumed.since, (resumed.number,))
+    last: int
+    since: int
+    turns: int
+    begun: int
+    start: int | None
 
 
 class SeveralSenders:
     """Follows the sessions of a node whose counters broke; `seen` is when one of several senders took over last."""
 
     def __init__(self) -> None:
-        self._followed: dict[int, _Session] = {}
+        self._followed: dict[int, SessionCounters] = {}
         self.seen = NO_TIME
 
     def clear(self) -> None:
@@ -68,41 +57,74 @@ class SeveralSenders:
         """Return whether a session is followed."""
         return place in self._followed
 
-    def shows(self, place: int, code: int, number: int, view: View) -> int | None:
+    def unfollowed(self, places: Iterable[int]) -> list[bool]:
+        """Return which of some sessions are not followed."""
+        return [place not in self._followed for place in places]
+
+    def shows(self, place: int, number: int, view: View) -> int | None:
         """Take the starts of a session that is followed, up to a frame.
 
         Return the first start with which several senders show, None if they do not.
         """
-        followed = self._followed[place]
-        least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(code)
-        for start in followed.starts.until(number, view):
-            if _counts(start, view):
-                took_over = followed.add(start)
-                if followed.shared(type_, least) is not None:
-                    self.seen = start.t if took_over else self.seen
-                    return start.number
-        return None
+        found = _read(self._followed[place], number, view).shows(number, _gaps(view))
+        if found is None:
+            return None
+        start, t, took_over = found
+        self.seen = t if took_over else self.seen
+        return start
 
     def shared(self, one: IdStep, view: View) -> Shared | None:
         """Return what shows several senders in a session, up to an odd step of it; None if one is enough."""
         followed = self._followed.get(one.place)
         if followed is None:
-            start = OddStart(one.frames[0], one.t, one.before, one.transfer_id, one.since)
+            start = one.frames[0], one.t, one.before, one.transfer_id, one.since
             kept = view.frame(one.frames[0])
             if kept is None or not kept.data:
                 return None
-            followed = self._followed[one.place] = _Session(one.place, start, kept.data)
-            if one.rule != COPIED and _counts(start, view):
-                followed.add(start)
-        least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(one.code)
-        for start in followed.starts.until(one.frames[-1], view):
-            if _counts(start, view) and followed.add(start) and followed.shared(type_, least) is not None:
-                self.seen = start.t
-        return followed.shared(type_, least)
+            bus, bits, least = one.place >> 32, one.place & SESSION, int(view.number("BUS-010", "min_transfers"))
+            followed = self._followed[one.place] = SessionCounters(bus, bits, start, kept.data, least)
+            if one.rule != COPIED:
+                followed.add(start, _gaps(view))
+        number = one.frames[-1]
+        _read(followed, number, view)
+        while (found := followed.shows(number, _gaps(view))) is not None:
+            _, t, took_over = found
+            self.seen = t if took_over else self.seen
+        return _shared(followed, one.code, view)
 
 
-def _counts(start: OddStart, view: View) -> bool:
-    """Return whether nothing but another sender or a loss explains a start: no silence, no gap of the capture."""
-    if NO_TIME in (start.t, start.since):
-        return True
-    return start.t - start.since <= QUIET and start.since >= view.resumed(start.t)
+def _read(followed: SessionCounters, number: int, view: View) -> SessionCounters:
+    """Read the frames that were not read yet, if a frame is among them."""
+    if number >= followed.unread:
+        for index in view.indexes(followed.unread, _NEVER):
+            followed.read(index)
+    return followed
+
+
+def _gaps(view: View) -> tuple[int, Array]:
+    """Return what begins anew: nothing counts across a gap of the capture."""
+    return view.start, view.gap_ends
+
+
+def _shared(followed: SessionCounters, code: int, view: View) -> Shared | None:
+    """Return what shows several senders in a session of a type."""
+    chains = [*map(_Chain._make, followed.chains())]
+    if chains:
+        *places, last = (str(one.last) for one in chains)
+        evidence = (
+            f"{_NUMBERS[len(chains)]} transfer-ID counters in {view.type_name(code)}, at {', '.join(places)} and {last}"
+        )
+        return Shared(evidence, _onset(chains), [one.start for one in chains if one.start is not None])
+    resumed = followed.goes_on()
+    if resumed is None:
+        return None
+    at, since, number, other = resumed
+    between = "no order" if other is None else f"always {other}"
+    evidence = f"a transfer-ID counter in {view.type_name(code)} at {at}, and in between {between}"
+    return Shared(evidence, since, () if number is None else (number,))
+
+
+def _onset(chains: Sequence[_Chain]) -> int:
+    """Return the time before the second counter began. One that never took over again was left behind by a loss."""
+    alive = [one for one in chains if one.turns > 1]
+    return sorted(alive if len(alive) > 1 else chains, key=lambda one: one.begun)[1].since

@@ -12,13 +12,13 @@ from dissectors.kit import Occurrences
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from analyzer.rules.counters.id_steps import IdStep, IdSteps
+    from analyzer.rules.counters.id_steps import IdSteps, MovedStep
     from dissectors.kit import Array, Occurrence, Severity
 
 SHARED_ID = "BUS-010"
 
 
-def told(of: tuple[int, int], steps: IdSteps, rows: Array, moved: Mapping[int, IdStep]) -> Iterator[Occurrences]:
+def told(of: tuple[int, int], steps: IdSteps, rows: Array, moved: Mapping[int, MovedStep]) -> Iterator[Occurrences]:
     """Yield steps of a node, put together by rule, severity and cause.
 
     Args:
@@ -32,7 +32,7 @@ def told(of: tuple[int, int], steps: IdSteps, rows: Array, moved: Mapping[int, I
     apart = rule * 4 + (gap & (steps.late[rows] | steps.early[rows])) * 2 + (gap & steps.astray[rows])
     if moved:
         also = np.isin(rows, list(moved))
-        noted = [moved[k].severity == "note" for k in rows[also].tolist()]
+        noted = [moved[k].noted for k in rows[also].tolist()]
         apart[also] = -1 - np.array(noted, np.int64)
     for one in dict.fromkeys(apart.tolist()):
         mine = rows[apart == one]
@@ -43,7 +43,7 @@ def told(of: tuple[int, int], steps: IdSteps, rows: Array, moved: Mapping[int, I
 
 
 def _together(
-    of: tuple[int, int], steps: IdSteps, rows: Array, what: tuple[str, Severity | None], others: list[IdStep]
+    of: tuple[int, int], steps: IdSteps, rows: Array, what: tuple[str, Severity | None], others: list[MovedStep]
 ) -> Occurrences:
     ours = steps.take(rows).compact()
     rule, severity = what
@@ -54,7 +54,7 @@ def _together(
         node=np.full(len(rows), of[1]),
         type=ours.code,
         frame=ours.lead,
-        values=lambda k: (others[k] if others else ours.step(k)).values,
+        values=lambda k: others[k].values if others else ours.values(k),
         frames=lambda k: others[k].frames if others else ours.frames(k),
         severity=severity,
         drops=rule != COPIED,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bisect import insort
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_ke
 from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from dissectors.kit import Array, Values, View
 
@@ -34,8 +35,12 @@ _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 _Link = tuple[int, int, int, int]
 
 
-class _Part(NamedTuple):
-    """A request or response as a transfer; they are put in the order of their first frames."""
+@dataclass(slots=True, eq=False)
+class _Part:
+    """A request or response as a transfer; they are put in the order of their first frames.
+
+    `lines` are those of a transfer of an earlier batch, whose frames may be gone when it is told.
+    """
 
     frames: Sequence[int]
     kind: int
@@ -47,7 +52,16 @@ class _Part(NamedTuple):
     priority: int
     transfer_id: int
     whole: bool
-    lines: tuple[str, ...]
+    lines: tuple[str, ...] | None = None
+
+    @property
+    def first(self) -> int:
+        """The number of the first frame."""
+        return self.frames[0]
+
+    def evidence(self, view: View) -> tuple[str, ...]:
+        """Return it as candump writes it."""
+        return view.lines(self.frames) if self.lines is None else self.lines
 
 
 @dataclass(slots=True)
@@ -76,6 +90,23 @@ class _Talk:
     calls: dict[int, _Call] = field(default_factory=dict)
     asked: bool = False
     answered: bool = False
+
+    def add(self, part: _Part) -> None:
+        """Add a transfer to those that wait."""
+        if self.waiting and part.first < self.waiting[-1].first:
+            insort(self.waiting, part, key=_first)
+        else:
+            self.waiting.append(part)
+
+    def keep_lines(self, view: View) -> None:
+        """Keep the lines of what is not told yet."""
+        both = (part for call in self.calls.values() for part in (call.request, call.response) if part is not None)
+        for part in (*self.waiting, *both):
+            if part.lines is None:
+                part.lines = view.lines(part.frames)
+
+
+_first = attrgetter("first")
 
 
 class Services(Rule):
@@ -106,38 +137,47 @@ class Services(Rule):
         now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
         new = _first_heard(t.bus.astype(np.int64) * _NODES + t.src)
         rows = np.flatnonzero(t.kind >= REQUEST)
+        ends, numbers = t.frame_lists
         columns = t.src, t.dst, t.type_id, t.kind, t.t, t.t_end, t.bus, t.code, t.priority, t.transfer_id, t.status
-        parts = (column[rows].tolist() for column in (now, *columns))
-        for row, (latest, src, dst, type_id, *cells) in zip(rows.tolist(), zip(*parts, strict=True), strict=True):
+        parts = (rows, ends[rows], ends[rows + 1], now[rows], *(column[rows] for column in columns))
+        talks = self._talks
+        changed: dict[_Link, None] = {}
+        for row, begin, end, self._now, src, dst, type_id, *cells in zip(
+            *(column.tolist() for column in parts), strict=True
+        ):
             while new and new[-1][0] < row:
                 self._heard.add(new.pop()[1])
-            self._now, (kind, at, end, bus, code, priority, transfer_id, status) = latest, cells
-            frames = tuple(t.frames(row))
-            part = _Part(
-                frames, kind, at, end, bus, src, code, priority, transfer_id, status in _WHOLE, view.lines(frames),
-            )  # fmt: skip
+            kind, at, at_end, bus, code, priority, transfer_id, status = cells
+            frames = tuple(numbers[begin:end].tolist())
+            part = _Part(frames, kind, at, at_end, bus, src, code, priority, transfer_id, status in _WHOLE)
             client, server = (src, dst) if kind == REQUEST else (dst, src)
             link = (bus, type_id, client, server)
-            if link not in self._talks and len(self._talks) >= MOST_LINKS:
-                yield from self._settled(self._talks.pop(next(iter(self._talks))), view)
-            talk = self._talks.setdefault(link, _Talk(client, server))
+            talk = talks.get(link)
+            if talk is None:
+                if len(talks) >= MOST_LINKS:
+                    yield from self._settled(talks.pop(next(iter(talks))), view)
+                talk = talks[link] = _Talk(client, server)
+            changed[link] = None
             yield from self._release(talk, link, view)
-            insort(talk.waiting, part)
+            talk.add(part)
             talk.asked |= kind == REQUEST
             talk.answered |= kind == RESPONSE
             if len(talk.waiting) > MOST:
                 yield from self._next(talk, talk.waiting.pop(0), view)
         self._heard.update(node for _, node in new)
         self._now = int(now[-1])
-        for link, talk in self._talks.items():
+        for link, talk in talks.items():
             yield from self._release(talk, link, view)
-        yield from self._unanswered()
+        yield from self._unanswered(view)
+        for link in changed:
+            if link in talks:
+                talks[link].keep_lines(view)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what the end of the capture leaves open."""
         for talk in self._talks.values():
             yield from self._settled(talk, view)
-        yield from self._unanswered()
+        yield from self._unanswered(view)
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
@@ -156,6 +196,8 @@ class Services(Rule):
         until = self._now - LATE
         while talk.waiting and talk.waiting[0].t < until:
             yield from self._next(talk, talk.waiting.pop(0), view)
+        if not talk.calls:
+            return
         for call in talk.calls.values():
             self._judge(call, until, view)
         talk.calls = {key: call for key, call in talk.calls.items() if until - call.request.t <= OPEN}
@@ -167,15 +209,16 @@ class Services(Rule):
         for call in talk.calls.values():
             self._judge(call, view.end, view)
 
-    def _next(self, talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
-        """Take the next transfer in the order of the capture."""
+    def _next(self, talk: _Talk, part: _Part, view: View) -> Iterable[Occurrence]:
+        """Take the next transfer in the order of the capture; return what is wrong about it."""
         call = talk.calls.get(part.transfer_id)
         if part.kind == REQUEST:
             if call is not None:
                 self._judge(call, part.t, view)
             talk.calls[part.transfer_id] = _Call(part, talk.server)
         elif part.whole:
-            yield from self._answer(talk, call, part, view)
+            return self._answer(talk, call, part, view)
+        return ()
 
     def _answer(self, talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
         if call is None or part.t - call.request.t > OPEN:
@@ -212,18 +255,19 @@ class Services(Rule):
             if not gone and not view.paused(request.t_end, until):
                 self._missed.append(call)
 
-    def _unanswered(self) -> Iterator[Occurrences]:
+    def _unanswered(self, view: View) -> Iterator[Occurrences]:
         """Report the calls that were noted."""
         if not self._missed:
             return
         missed, self._missed = self._missed, []
         parts = [call.request for call in missed]
-        cells = [(one.t, one.bus, one.node or NOBODY, one.code, one.frames[0], one.t_end + ANSWER) for one in parts]
-        t, bus, node, code, frame, until = np.array(cells, np.int64).T
+        cells = ((one.t, one.bus, one.node or NOBODY, one.code, one.first, one.t_end + ANSWER) for one in parts)
+        t, bus, node, code, frame, until = (np.array(column, np.int64) for column in zip(*cells, strict=True))
         yield Occurrences(
             rule="TRF-022", t=t, bus=bus, node=node, type=code, frame=frame,
             values=lambda k: {"dst": missed[k].server, "limit_s": ANSWER / SECOND},
-            frames=lambda k: parts[k].frames, drops=True, until=until, each_named=True, lines=lambda k: parts[k].lines,
+            frames=lambda k: parts[k].frames, drops=True, until=until, each_named=True,
+            lines=lambda k: parts[k].evidence(view),
         )  # fmt: skip
 
 
@@ -236,8 +280,8 @@ def _first_heard(who: Array) -> list[tuple[int, int]]:
 
 def _about(view: View, rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:
     """Return one breach, with the transfer it is compared with behind it."""
-    frames, lines = part.frames, part.lines
+    frames, lines = part.frames, part.evidence(view)
     if other is not None:
-        frames, lines = (*frames, *other.frames), (*lines, *other.lines)
+        frames, lines = (*frames, *other.frames), (*lines, *other.evidence(view))
     type_ = view.type_name(part.code)
     return Occurrence(rule, part.t, part.bus, part.node or None, type_, frames, values, lines=lines)
