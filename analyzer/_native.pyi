@@ -217,7 +217,15 @@ class FrameIndex:
     ) -> FrameIndex: ...
     def lines(self, numbers: Sequence[int], buses: Sequence[str]) -> list[str]: ...
     def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]: ...
-    def others(self, low: int, high: int, bus: int, session: int, id: int) -> list[tuple[int, int]]: ...  # noqa: A002
+    def others(
+        self,
+        low: int,
+        high: int,
+        bus: int,
+        session: int,
+        id: int,  # noqa: A002
+        most: int,
+    ) -> list[tuple[int, int]]: ...
     def alike(
         self, low: int, high: int, bus: int, session: int, data: bytes, most: int
     ) -> tuple[int, list[int]]: ...

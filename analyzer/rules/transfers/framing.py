@@ -11,7 +11,7 @@ import numpy as np
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
-from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
@@ -62,7 +62,8 @@ def measured(view: View) -> Iterator[Occurrences]:
             rows = rows[np.isin(t.status[rows], one.only)]
         about = partial(one.values, view)
         if one.rule == "TRF-026":
-            orphans = np.array([_only_orphans(view, row) for row in rows.tolist()], bool)
+            orphans = _begins_with_orphan(view, rows)
+            orphans[orphans] = [_only_orphans(view, row) for row in rows[orphans].tolist()]
             yield view.among_transfers(one.rule, rows[orphans], about, severity="note")
             rows = rows[~orphans]
         yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
@@ -186,7 +187,26 @@ def _others(view: View, row: int) -> list[tuple[int, int]]:
     if first is None:
         return []
     low, high, session = numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR), session_of(first.id, first.verdict)
-    return [one for index in view.indexes(low, high) for one in index.others(low, high, first.bus, session, mine)]
+    whose = first.bus, session, mine, NEAR
+    return [one for index in view.indexes(low, high) for one in index.others(low, high, *whose)]
+
+
+def _begins_with_orphan(view: View, rows: Array) -> Array:
+    """Return which transfers have a frame without a transfer as the first one inside, or began before this batch."""
+    t, f = view.transfers, view.frames
+    begins, numbers = t.frame_lists
+    first, found = t.lead[rows], np.ones(len(rows), bool)
+    here = np.flatnonzero(first >= f.first)
+    if not len(here):
+        return found
+    row, at = rows[here], first[here] - f.first
+    low, high = first[here] + 1, np.minimum(numbers[begins[row + 1] - 1].astype(np.int64), first[here] + NEAR)
+    columns = low, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]
+    (index,) = view.indexes(f.first, f.first + len(f))
+    each = [index.others(*one, 1) for one in zip(*(column.tolist() for column in columns), strict=True)]
+    other = np.array([one[0][0] - f.first if one else -1 for one in each], np.int64)
+    found[here] = (other >= 0) & np.isin(f.verdict[other], _ORPHAN)
+    return found
 
 
 def _only_orphans(view: View, row: int) -> bool:

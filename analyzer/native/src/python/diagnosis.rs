@@ -69,10 +69,11 @@ impl FrameIndex {
         rows.iter().map(|&row| self.0.range().start + u64::from(row)).collect()
     }
 
-    /// Numbers and tail bytes of the frames of a session from `low` to before `high` with another transfer ID.
-    fn others(&self, low: u64, high: u64, bus: u8, session: u32, id: u8) -> Vec<(u64, u8)> {
+    /// Numbers and tail bytes of the first `most` frames of a session from `low` to before `high` with another
+    /// transfer ID.
+    fn others(&self, low: u64, high: u64, bus: u8, session: u32, id: u8, most: usize) -> Vec<(u64, u8)> {
         let parts = self.0.parts(key(bus, session), &(low..high));
-        let others = parts.filter(|part| part.tail & 0x1F != id);
+        let others = parts.filter(|part| part.tail & 0x1F != id).take(most);
         others.map(|part| (part.number, part.tail)).collect()
     }
 
