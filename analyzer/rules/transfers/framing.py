@@ -62,8 +62,7 @@ def measured(view: View) -> Iterator[Occurrences]:
             rows = rows[np.isin(t.status[rows], one.only)]
         about = partial(one.values, view)
         if one.rule == "TRF-026":
-            orphans = _begins_with_orphan(view, rows)
-            orphans[orphans] = [_only_orphans(view, row) for row in rows[orphans].tolist()]
+            orphans = _only_orphans(view, rows)
             yield view.among_transfers(one.rule, rows[orphans], about, severity="note")
             rows = rows[~orphans]
         yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
@@ -191,26 +190,30 @@ def _others(view: View, row: int) -> list[tuple[int, int]]:
     return [one for index in view.indexes(low, high) for one in index.others(low, high, *whose)]
 
 
-def _begins_with_orphan(view: View, rows: Array) -> Array:
-    """Return which transfers have a frame without a transfer as the first one inside, or began before this batch."""
+def _only_orphans(view: View, rows: Array) -> Array:
+    """Return a mask of transfers with nothing inside but frames without a transfer: these have a rule (TRF-009)."""
     t, f = view.transfers, view.frames
     begins, numbers = t.frame_lists
-    first, found = t.lead[rows], np.ones(len(rows), bool)
-    here = np.flatnonzero(first >= f.first)
-    if not len(here):
-        return found
-    row, at = rows[here], first[here] - f.first
-    low, high = first[here] + 1, np.minimum(numbers[begins[row + 1] - 1].astype(np.int64), first[here] + NEAR)
-    columns = low, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]
-    (index,) = view.indexes(f.first, f.first + len(f))
-    each = [index.others(*one, 1) for one in zip(*(column.tolist() for column in columns), strict=True)]
-    other = np.array([one[0][0] - f.first if one else -1 for one in each], np.int64)
-    found[here] = (other >= 0) & np.isin(f.verdict[other], _ORPHAN)
+    first = t.lead[rows]
+    here = first >= f.first
+    found = here.copy()
+    found[~here] = [_has_only_orphans(view, row) for row in rows[~here].tolist()]
+    for most in (1, NEAR):  # mostly the first one says it
+        left = np.flatnonzero(here & found)
+        row, at = rows[left], first[left] - f.first
+        high = np.minimum(numbers[begins[row + 1] - 1].astype(np.int64), first[left] + NEAR)
+        columns = first[left] + 1, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]
+        wanted = zip(*(column.tolist() for column in columns), strict=True)
+        each = [index.others(*one, most) for index in view.indexes(f.first, f.first + len(f)) for one in wanted]
+        count = np.fromiter(map(len, each), np.int64, len(each))
+        inside = np.fromiter((number for some in each for number, _ in some), np.int64, int(count.sum()))
+        used = ~np.isin(f.verdict[inside - f.first], _ORPHAN)
+        found[left] = (count > 0) & (np.bincount(np.repeat(np.arange(len(each)), count)[used], minlength=len(each)) == 0)
     return found
 
 
-def _only_orphans(view: View, row: int) -> bool:
-    """Return whether nothing but frames without a transfer stand inside, which have a rule of their own (TRF-009)."""
+def _has_only_orphans(view: View, row: int) -> bool:
+    """Return the same of a transfer that began before this batch."""
     others = _others(view, row)
     return bool(others) and all(kept.verdict in _ORPHAN for _, kept in _known(view, (number for number, _ in others)))
 
