@@ -188,7 +188,7 @@ class Findings:
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
-        key = self._kept(key)
+        key = key if self._has_room(key) else key._replace(bus=-1, node=-1, type="", key=FURTHER)
         place = (one.t, one.frames[0] if one.frames else -1)
         if self._is_inside(key, place):
             return
@@ -203,7 +203,7 @@ class Findings:
         page, spots = self._pages[found.rule], self._spots.setdefault(found.rule, set())
         further: dict[tuple[bool, bool], list[Any]] = {}
         full = len(self._runs) >= MOST_GROUPS
-        told, shared = _Told(found, page, view), {}
+        told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
         for pieces, noted, doubtful, bus, node, number in _groups(found, near_drops, explained=bool(page.explained)):
             if (noted, doubtful) not in shared:
                 shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
@@ -211,7 +211,7 @@ class Findings:
             if not full or (bus, node, type_) in spots:
                 named = page.key_of(found.values(pieces[0].item(0))) if page.key else ""
                 key = FindingKey(last.rule, last.severity, bus, node, type_, named, last.dialects)
-                if key in self._runs or len(self._runs) < MOST_GROUPS:
+                if self._has_room(key):
                     self._put_all(told, pieces, key)
                     continue
             further.setdefault((noted, doubtful), []).extend(pieces)
@@ -231,8 +231,7 @@ class Findings:
 
     def _run(self, told: _Told, rows: Any, key: FindingKey) -> OccurrenceRun:
         first, found = rows.item(0), told.found
-        run = OccurrenceRun(told.place(first), told.place(rows.item(-1)), len(rows))
-        run.episode = episode_of(found, rows)
+        run = OccurrenceRun(told.place(first), told.place(rows.item(-1)), len(rows), episode=episode_of(found, rows))
         if not self._continues(key, run):
             if run.episode is not None:
                 run.episode.onset = found.values(first)
@@ -278,11 +277,9 @@ class Findings:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
-    def _kept(self, key: FindingKey) -> FindingKey:
-        """Return the key by which occurrences are kept: those beyond `MOST_GROUPS` share one."""
-        if key in self._runs or len(self._runs) < MOST_GROUPS:
-            return key
-        return key._replace(bus=-1, node=-1, type="", key=FURTHER)
+    def _has_room(self, key: FindingKey) -> bool:
+        """Return whether occurrences of a key are kept apart: those beyond `MOST_GROUPS` share one."""
+        return key in self._runs or len(self._runs) < MOST_GROUPS
 
     def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
         self.changes += 1
@@ -308,9 +305,10 @@ def _of(found: Mapping[FindingKey, Sequence[OccurrenceRun]], rule: str, key: Fin
 def _groups(
     found: Occurrences, near_drops: Sequence[bool] | None, *, explained: bool
 ) -> Iterator[tuple[Sequence[Any], bool, bool, int, int, int]]:
-    """Yield rows that belong to one key each, in order of place and in pieces; what is true of all stands behind.
+    """Yield rows that belong to one key each, in order of place, and what is true of all of them behind these.
 
-    A piece belongs to one run, or to one piece of what may be `explained`. Whether lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
+    They come in pieces: each belongs to one run, or to one piece of what may be `explained`. Behind them stands whether
+    lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
     """
     none = np.zeros(len(found.t), bool)
     noted = none if near_drops is None else np.asarray(near_drops, bool)

@@ -208,7 +208,9 @@ def _only_orphans(view: View, rows: Array) -> Array:
         count = np.fromiter(map(len, each), np.int64, len(each))
         inside = np.fromiter((number for some in each for number, _ in some), np.int64, int(count.sum()))
         used = ~np.isin(f.verdict[inside - f.first], _ORPHAN)
-        found[left] = (count > 0) & (np.bincount(np.repeat(np.arange(len(each)), count)[used], minlength=len(each)) == 0)
+        found[left] = (count > 0) & (
+            np.bincount(np.repeat(np.arange(len(each)), count)[used], minlength=len(each)) == 0
+        )
     return found
 
 

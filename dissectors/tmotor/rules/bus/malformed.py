@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, usable
+from dissectors.kit import NO_TIME, groups, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -49,8 +49,7 @@ class MalformedReports:
         if table is not None:
             mine[table.row[usable(table)]] = False
         rows = np.flatnonzero(mine & (t.t != NO_TIME))
-        for bus, src, first, last in _rows(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows]):
-            self._note((bus, src), first, last, least)
+        self._note_all(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows], least)
         self._astray(view, definition.type_id, least)
 
     def lost(self, unit: ReportingEsc, rows: Array) -> Array:
@@ -71,16 +70,28 @@ class MalformedReports:
 
     def _astray(self, view: View, type_id: int, least: int) -> None:
         """Note frames that belong to no transfer."""
-        frames, places = view.frames, []
+        frames, late = view.frames, view.settled
         if frames.verdict.any():
-            rows = np.flatnonzero((frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1))
-            places = [*_rows(frames.bus[rows], frames.id[rows], frames.t[rows])]
-        late = view.settled
-        late = late.of(late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1))
-        places += _rows(late.bus, late.id, late.t)
-        for bus, identifier, t in places:
-            if t != NO_TIME:
-                self._note((bus, identifier & 0x7F), t, t, least)
+            wanted = (frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1) & (frames.t != NO_TIME)
+            rows = np.flatnonzero(wanted)
+            t = frames.t[rows]
+            self._note_all(frames.bus[rows], frames.id[rows] & 0x7F, t, t, least)
+        wanted = late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1)
+        late = late.of(wanted & (late.t != NO_TIME))
+        self._note_all(late.bus, late.id & 0x7F, late.t, late.t, least)
+
+    def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
+        """Note when reports began and ended, in their order."""
+        some = dict(groups(bus.astype(np.int64) << 8 | node))
+        for rows in sorted(some.values(), key=lambda rows: rows.item(0)):
+            begin, end = first[rows], last[rows]
+            steady = (begin[1:] >= begin[:-1]).all() and (end[1:] >= end[:-1]).all() and (end >= begin).all()
+            if steady:  # those that belong together are one
+                apart = np.flatnonzero(begin[1:] - end[:-1] > least)
+                begin, end = begin[np.append(0, apart + 1)], end[np.append(apart, len(end) - 1)]
+            who = bus.item(rows[0]), node.item(rows[0])
+            for times in _rows(begin, end):
+                self._note(who, *times, least)
 
     def _note(self, node: _Node, first: int, last: int, least: int) -> None:
         if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
