@@ -78,8 +78,8 @@ class StatusSilences(Rule):
             active = min(int(self._active[node]), view.before)  # the clock may have been set back since
             if node in self._status:
                 last = self._status[node]
-                start, owes = self._owes(view, node, np.array([last.t]), np.array([active]))
-                if owes[0]:
+                start, late = self._owes(view, node, np.array([last.t]), np.array([active]))
+                if late[0]:
                     yield from self._silence(view, last, node, start.item(0), active, view.before)
             elif active - first.t > OFFLINE:
                 owes = (first.t, active)

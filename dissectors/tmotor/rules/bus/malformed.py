@@ -84,25 +84,22 @@ class MalformedReports:
         """Note when reports began and ended, in their order."""
         some = dict(groups(bus.astype(np.int64) << 8 | node))
         for rows in sorted(some.values(), key=lambda rows: rows.item(0)):
-            begin, end = first[rows], last[rows]
-            steady = (begin[1:] >= begin[:-1]).all() and (end[1:] >= end[:-1]).all() and (end >= begin).all()
-            if steady:  # those that belong together are one
-                apart = np.flatnonzero(begin[1:] - end[:-1] > least)
-                begin, end = begin[np.append(0, apart + 1)], end[np.append(apart, len(end) - 1)]
-            who = bus.item(rows[0]), node.item(rows[0])
-            for times in _rows(begin, end):
-                self._note(who, *times, least)
+            self._note((bus.item(rows[0]), node.item(rows[0])), _rows(first[rows], last[rows]), least)
 
-    def _note(self, node: _Node, first: int, last: int, least: int) -> None:
+    def _note(self, node: _Node, times: Iterator[tuple[int, ...]], least: int) -> None:
         if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
             return
         known = self._stretches.setdefault(node, [])
-        if known and known[-1][0] <= first <= known[-1][1] + least:
-            known[-1] = known[-1][0], max(known[-1][1], last)
-            return
-        known.append((first, last))
-        if len(known) > _MOST:
-            known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
+        since, until = known.pop() if known else next(times)
+        for first, last in times:
+            if since <= first <= until + least:
+                until = max(until, last)
+                continue
+            known.append((since, until))
+            since, until = first, last
+            if len(known) >= _MOST:
+                known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
+        known.append((since, until))
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:

@@ -142,7 +142,7 @@ def told_later(hold: Hold, place: Occurrence, course: str) -> Occurrence:
 def opened(whole: Samples, at: int, since: int, spare: int) -> Hold:
     """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
     base = bases(whole.t, np.array([at]), np.array([since])).item(0)
-    hold = Hold(since, *whole.each(base, base + 1), spare)
+    hold = Hold(since, whole.each(base, base + 1)[0], spare)
     hold.feed(whole.each(base + 1, at))
     return hold
 
