@@ -193,7 +193,7 @@ class Findings:
         if self._is_inside(key, place):
             return
         run = OccurrenceRun(place, place, 1)
-        if not self._continues(key, run):
+        if self._room(key, run):
             cause = str(one.values.get("cause", ""))
             lines = one.lines or view.lines(one.frames)
             run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
@@ -232,12 +232,12 @@ class Findings:
     def _run(self, told: _Told, rows: Any, key: FindingKey) -> OccurrenceRun:
         first, found = rows.item(0), told.found
         run = OccurrenceRun(told.place(first), told.place(rows.item(-1)), len(rows), episode=episode_of(found, rows))
-        if not self._continues(key, run):
+        room = self._room(key, run)
+        if room:
             if run.episode is not None:
                 run.episode.onset = found.values(first)
             all_ = self._total < KEPT or key.key == FURTHER or found.lines is not None
-            most = self._room(key, run) if all_ else 1
-            run.examples = [told.example(row) for row in rows[:most].tolist()]
+            run.examples = [told.example(row) for row in rows[: room if all_ else 1].tolist()]
         return run
 
     def _is_inside(self, key: FindingKey, place: tuple[int, int]) -> bool:
@@ -249,11 +249,6 @@ class Findings:
         self.changes += 1
         return True
 
-    def _continues(self, key: FindingKey, run: OccurrenceRun) -> bool:
-        """Return whether it only goes on with a run that has all the examples it may have."""
-        before = self._before(key, run.first)
-        return before is not None and is_full(before, run.first) and self._close(key)(before, run)
-
     def _before(self, key: FindingKey, place: tuple[int, int]) -> OccurrenceRun | None:
         """Return the last run of a key that began before a place."""
         runs = self._runs.get(key)
@@ -263,10 +258,13 @@ class Findings:
         return runs[at - 1] if at else None
 
     def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
-        """Return how many examples of a run may be shown: it may go on with one that has some."""
-        runs = self._runs.get(key)
-        goes_on = runs is not None and runs[-1].last <= run.first and self._close(key)(runs[-1], run)
-        return MOST_EXAMPLES - len(runs[-1].examples) if runs is not None and goes_on else MOST_EXAMPLES
+        """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have."""
+        before = self._before(key, run.first)
+        if before is None or not self._close(key)(before, run):
+            return MOST_EXAMPLES
+        if is_full(before, run.first):
+            return 0
+        return MOST_EXAMPLES - len(before.examples) if before.last < run.first else MOST_EXAMPLES
 
     def _close(self, key: FindingKey) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
         """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""
