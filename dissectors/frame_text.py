@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from string import Formatter
 from typing import TYPE_CHECKING, Any, Self
 
@@ -48,12 +49,18 @@ def listed(places: Sequence[int], between: str = ", ") -> FrameText:
     return FrameText(*numbers[1:])
 
 
+@lru_cache(maxsize=512)
+def _parsed(text: str) -> Sequence[tuple[str, str | None, str | None, str | None]]:
+    """Return the pieces of a text that `str.format_map` takes: a text is filled many times."""
+    return tuple(Formatter().parse(text))
+
+
 def filled(text: str, values: Mapping[str, Any]) -> str:
     """Return what `str.format_map` does; it knows its numbers of frames if it has some."""
     if not any(isinstance(value, (FrameNumber, FrameText)) for value in values.values()):
         return text.format_map(values)
     pieces: list[Piece] = []
-    for plain, name, spec, conversion in Formatter().parse(text):
+    for plain, name, spec, conversion in _parsed(text):
         pieces.append(plain)
         value = values.get(name) if name else None
         if isinstance(value, (FrameNumber, FrameText)) and not spec:

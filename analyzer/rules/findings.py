@@ -56,6 +56,25 @@ class FindingKey(NamedTuple):
     dialects: tuple[tuple[str, Severity | None], ...]
 
 
+class _Told(NamedTuple):
+    """Occurrences of one rule, and what makes examples of them."""
+
+    found: Occurrences
+    page: Page
+    view: View
+
+    def place(self, row: int) -> tuple[int, int]:
+        """Return the place of one."""
+        return self.found.t.item(row), self.found.frame.item(row)
+
+    def example(self, row: int) -> Shown:
+        """Return one to show."""
+        found = self.found
+        values, frames = found.values(row), tuple(found.frames(row))
+        lines = self.view.lines(frames) if found.lines is None else found.lines(row)
+        return Shown(*self.place(row), self.page.say(values), str(values.get("cause", "")), frames, lines)
+
+
 class Findings:
     """Adds up occurrences by rule, bus, node, type and key.
 
@@ -169,12 +188,12 @@ class Findings:
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
-        key = self._kept(key)
+        key = key if self._has_room(key) else key._replace(bus=-1, node=-1, type="", key=FURTHER)
         place = (one.t, one.frames[0] if one.frames else -1)
         if self._is_inside(key, place):
             return
         run = OccurrenceRun(place, place, 1)
-        if not self._continues(key, run):
+        if self._room(key, run):
             cause = str(one.values.get("cause", ""))
             lines = one.lines or view.lines(one.frames)
             run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
@@ -184,47 +203,41 @@ class Findings:
         page, spots = self._pages[found.rule], self._spots.setdefault(found.rule, set())
         further: dict[tuple[bool, bool], list[Any]] = {}
         full = len(self._runs) >= MOST_GROUPS
-        for rows, noted, doubtful, bus, node, number in _groups(found, near_drops):
-            type_ = view.type_name(number)
+        told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
+        for pieces, noted, doubtful, bus, node, number in _groups(found, near_drops, explained=bool(page.explained)):
+            if (noted, doubtful) not in shared:
+                shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
+            last, type_ = shared[noted, doubtful], view.type_name(number)
             if not full or (bus, node, type_) in spots:
-                named = page.key_of(found.values(rows.item(0))) if page.key else ""
-                kept = self._kept(self._key(found, noted, doubtful)._replace(bus=bus, node=node, type=type_, key=named))
-                if kept.key != FURTHER:
-                    self._put_all(found, rows, kept, view)
+                named = page.key_of(found.values(pieces[0].item(0))) if page.key else ""
+                key = FindingKey(last.rule, last.severity, bus, node, type_, named, last.dialects)
+                if self._has_room(key):
+                    self._put_all(told, pieces, key)
                     continue
-            further.setdefault((noted, doubtful), []).append(rows)
+            further.setdefault((noted, doubtful), []).extend(pieces)
         for of, parts in further.items():
-            self._put_all(found, _by_place(found, parts), self._key(found, *of), view)
+            rows = _by_place(found, parts)
+            self._put_all(told, _split(rows, _apart(found.t[rows], explained=bool(page.explained))), shared[of])
 
-    def _key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
+    def _shared_key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
         """Return the key that what comes later shares; `doubtful`: its values may be those of another reading."""
         severity = self._severity(found.rule, found.severity, noted)
         dialects = (*found.dialects.items(), *(TURNED.items() if doubtful else ()))
         return FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects)
 
-    def _put_all(self, found: Occurrences, rows: Any, key: FindingKey, view: View) -> None:
-        for piece in _pieces(found.t, rows, explained=bool(self._pages[key.rule].explained)):
-            self._put(key, self._run(found, piece, key, view))
+    def _put_all(self, told: _Told, pieces: Sequence[Any], key: FindingKey) -> None:
+        for piece in pieces:
+            self._put(key, self._run(told, piece, key))
 
-    def _run(self, found: Occurrences, rows: Any, key: FindingKey, view: View) -> OccurrenceRun:
-        page = self._pages[key.rule]
-
-        def place(row: int) -> tuple[int, int]:
-            return int(found.t.item(row)), int(found.frame.item(row))
-
-        def example(row: int) -> Shown:
-            values, frames = found.values(row), tuple(found.frames(row))
-            lines = view.lines(frames) if found.lines is None else found.lines(row)
-            return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, lines)
-
-        run = OccurrenceRun(place(rows.item(0)), place(rows.item(-1)), len(rows))
-        run.episode = episode_of(found, rows)
-        if not self._continues(key, run):
+    def _run(self, told: _Told, rows: Any, key: FindingKey) -> OccurrenceRun:
+        first, found = rows.item(0), told.found
+        run = OccurrenceRun(told.place(first), told.place(rows.item(-1)), len(rows), episode=episode_of(found, rows))
+        room = self._room(key, run)
+        if room:
             if run.episode is not None:
-                run.episode.onset = found.values(int(rows[0]))
+                run.episode.onset = found.values(first)
             all_ = self._total < KEPT or key.key == FURTHER or found.lines is not None
-            most = self._room(key, run) if all_ else 1
-            run.examples = [example(int(row)) for row in rows[:most]]
+            run.examples = [told.example(row) for row in rows[: room if all_ else 1].tolist()]
         return run
 
     def _is_inside(self, key: FindingKey, place: tuple[int, int]) -> bool:
@@ -236,11 +249,6 @@ class Findings:
         self.changes += 1
         return True
 
-    def _continues(self, key: FindingKey, run: OccurrenceRun) -> bool:
-        """Return whether it only goes on with a run that has all the examples it may have."""
-        before = self._before(key, run.first)
-        return before is not None and is_full(before, run.first) and self._close(key)(before, run)
-
     def _before(self, key: FindingKey, place: tuple[int, int]) -> OccurrenceRun | None:
         """Return the last run of a key that began before a place."""
         runs = self._runs.get(key)
@@ -250,10 +258,13 @@ class Findings:
         return runs[at - 1] if at else None
 
     def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
-        """Return how many examples of a run may be shown: it may go on with one that has some."""
-        runs = self._runs.get(key)
-        goes_on = runs is not None and runs[-1].last <= run.first and self._close(key)(runs[-1], run)
-        return MOST_EXAMPLES - len(runs[-1].examples) if runs is not None and goes_on else MOST_EXAMPLES
+        """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have."""
+        before = self._before(key, run.first)
+        if before is None or not self._close(key)(before, run):
+            return MOST_EXAMPLES
+        if is_full(before, run.first):
+            return 0
+        return MOST_EXAMPLES - len(before.examples) if before.last < run.first else MOST_EXAMPLES
 
     def _close(self, key: FindingKey) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
         """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""
@@ -264,19 +275,17 @@ class Findings:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
-    def _kept(self, key: FindingKey) -> FindingKey:
-        """Return the key by which occurrences are kept: those beyond `MOST_GROUPS` share one."""
-        if key in self._runs or len(self._runs) < MOST_GROUPS:
-            return key
-        return FindingKey(key.rule, key.severity, -1, -1, "", FURTHER, key.dialects)
+    def _has_room(self, key: FindingKey) -> bool:
+        """Return whether occurrences of a key are kept apart: those beyond `MOST_GROUPS` share one."""
+        return key in self._runs or len(self._runs) < MOST_GROUPS
 
     def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
         self.changes += 1
-        if key not in self._runs:
-            self._runs[key] = []
+        runs = self._runs.get(key)
+        if runs is None:
+            runs = self._runs[key] = []
             self._keys.setdefault((key.rule, key.bus, key.node), []).append(key)
             self._spots.setdefault(key.rule, set()).add((key.bus, key.node, key.type))
-        runs = self._runs[key]
         self._total -= len(runs)
         merge(runs, run, self._close(key))
         explained = self._pages[key.rule].explained
@@ -292,11 +301,12 @@ def _of(found: Mapping[FindingKey, Sequence[OccurrenceRun]], rule: str, key: Fin
 
 
 def _groups(
-    found: Occurrences, near_drops: Sequence[bool] | None
-) -> Iterator[tuple[Any, bool, bool, int, int, int]]:  # fmt: skip
-    """Yield rows that belong to one key each, in order of place; what is true of all of them stands behind.
+    found: Occurrences, near_drops: Sequence[bool] | None, *, explained: bool
+) -> Iterator[tuple[Sequence[Any], bool, bool, int, int, int]]:
+    """Yield rows that belong to one key each, in order of place, and what is true of all of them behind these.
 
-    Whether lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
+    They come in pieces: each belongs to one run, or to one piece of what may be `explained`. Behind them stands whether
+    lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
     """
     none = np.zeros(len(found.t), bool)
     noted = none if near_drops is None else np.asarray(near_drops, bool)
@@ -312,7 +322,10 @@ def _groups(
         changed |= np.diff(part[order]) != 0
     first = order[np.concatenate(([True], changed))]
     same = (column[first].tolist() for column in (noted, doubtful, found.bus, found.node, found.type))
-    yield from zip(_split(order, changed), *same, strict=True)
+    apart = changed | _apart(found.t[order], explained=explained)
+    pieces, ends = _split(order, apart), np.flatnonzero(changed[apart]) + 1
+    each = (pieces[start:stop] for start, stop in pairwise([0, *ends.tolist(), len(pieces)]))
+    yield from zip(each, *same, strict=True)
 
 
 def _by_place(found: Occurrences, parts: Sequence[Any]) -> Any:
@@ -321,19 +334,15 @@ def _by_place(found: Occurrences, parts: Sequence[Any]) -> Any:
     return rows[np.lexsort((found.frame[rows], found.t[rows]))]
 
 
-def _pieces(t: Any, rows: Any, *, explained: bool) -> Iterator[Any]:
-    """Yield rows of one key, in order, that belong to one run each, or to one piece of what may be explained."""
-    if len(rows) == 1:
-        yield rows
-        return
-    t = t[rows]
-    apart = np.diff(t) > PAUSE
+def _apart(t: Any, *, explained: bool) -> Any:
+    """Return of each time but the first whether a run begins with it, or a piece of what may be explained."""
+    apart = t[1:] - t[:-1] > PAUSE
     if explained:
-        apart |= np.diff(t // PIECE) != 0
-    yield from _split(rows, apart)
+        piece = t // PIECE
+        apart |= piece[1:] != piece[:-1]
+    return apart
 
 
-def _split(rows: Any, apart: Any) -> Iterator[Any]:
-    """Yield rows in parts; each one but the first says whether it is apart from the one before."""
-    for start, stop in pairwise([0, *(np.flatnonzero(apart) + 1).tolist(), len(rows)]):
-        yield rows[start:stop]
+def _split(rows: Any, apart: Any) -> list[Any]:
+    """Return rows in parts; each one but the first says whether it is apart from the one before."""
+    return [rows[start:stop] for start, stop in pairwise([0, *(np.flatnonzero(apart) + 1).tolist(), len(rows)])]

@@ -79,7 +79,8 @@ class OccurrenceRun:
 
 def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Callable[[OccurrenceRun, OccurrenceRun], bool]) -> None:
     """Put a run among others, in order of time; those that are close become one."""
-    at = bisect_left(runs, run.first, key=lambda one: one.first)
+    behind = not runs or runs[-1].first < run.first  # as nearly always
+    at = len(runs) if behind else bisect_left(runs, run.first, key=lambda one: one.first)
     runs.insert(at, run)
     if at and close(runs[at - 1], run):
         runs[at - 1].take(run)

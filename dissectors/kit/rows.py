@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from dissectors.kit.view import View
 
 NODES = 1 << 15  # 8 bits of bus, 7 of node ID
+_senders: WeakKeyDictionary[DecodedTable, Array] = WeakKeyDictionary()  # many rules ask
 
 
 def usable(table: DecodedTable) -> Array:
@@ -39,10 +41,13 @@ def doubtful(table: DecodedTable, rows: Array) -> Array | None:
 
 
 def sender(table: DecodedTable, rows: Array | slice = slice(None)) -> Array:
-    """Return bus and node of rows in one number of 16 bits each, below `NODES`."""
-    node = table.bus[rows].astype(np.uint16) << 7
-    node |= table.src[rows] & 0x7F
-    return node
+    """Return bus and node of rows in one number of 16 bits each, below `NODES`; not to be written to."""
+    if table not in _senders:
+        node = table.bus.astype(np.uint16) << 7
+        node |= table.src & 0x7F
+        _senders[table] = node
+    found: Array = _senders[table][rows]
+    return found
 
 
 def frames_of(view: View, table: DecodedTable, row: int) -> tuple[int, ...]:

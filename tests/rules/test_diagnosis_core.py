@@ -195,6 +195,25 @@ def test_the_core_finds_what_the_oracle_finds(question: int, seed: int) -> None:
             assert here == right._replace(evidence=[*right.evidence])
 
 
+@examples(40)
+@given(st.integers(0, 1 << 32))
+def test_the_core_finds_other_transfer_ids_and_the_same_bytes(seed: int) -> None:
+    chance = random.Random(seed)
+    rows = traffic(chance)
+    own = [k for k, row in enumerate(rows) if row.identifier & 0xFF_FFFF == SESSION & 0xFF_FFFF and row.data]
+    low, high = sorted(chance.sample(range(len(rows) + 1), 2))
+    number, most, among = chance.choice(own), chance.randrange(1, 9), [k for k in own if low <= k < high]
+    data, where = rows[number].data, (low, high, 0, SESSION)
+    mine = data[-1] & 0x1F
+    others = [(k, rows[k].data[-1]) for k in among if rows[k].data[-1] & 0x1F != mine]
+    count, alike = len(among[-most:]), [k for k in among[-most:][::-1] if rows[k].data == data]
+    whole, *_ = batches(rows, ())
+    assert whole.others(*where, mine, most) == others[:most]
+    assert whole.alike(*where, data, most) == (count, alike)
+    parts = batches(rows, sorted(chance.sample(range(len(rows)), min(3, len(rows)))))
+    assert [one for part in parts for one in part.others(*where, mine, len(rows))] == others
+
+
 def test_columns_that_do_not_fit_together_are_refused() -> None:
     one = [np.zeros(1, kind) for kind in (np.int64, np.uint8, np.uint32, np.uint16)]
     for offsets, data in (([0], 0), ([0, 1], 0), ([1, 0], 1), ([-1, 0], 1), ([0, 1, 1], 1)):

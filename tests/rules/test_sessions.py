@@ -75,6 +75,8 @@ def test_gaps_of_nodes(rows: list[Heard], step: int) -> None:
             own = [(one[0], k) for k, one in enumerate(rows) if (one[2], one[1] & 0x7F) == (bus, node)]
             far = [(a[0], b[0], a[1]) for a, b in pairwise(own) if b[0] - a[0] > LEAST]
             assert [gap[:3] for gap in nodes.gaps(bus, node, 0, 12)] == far
+            inside = [gap for gap in far if gap[0] >= 3 and gap[1] <= 9]
+            assert [gap[:3] for gap in nodes.gaps(bus, node, 3, 9)] == inside
 
 
 @given(captures, st.sampled_from([1, 3, 40]))

@@ -45,6 +45,19 @@ class HeardNode:
     number: int
     lines: tuple[str, ...] = ()
     gaps: list[tuple[int, int, int, tuple[str, ...]]] = field(default_factory=list)  # as `Gap` has it
+    _times: Array | None = None  # of the gaps, once somebody asks
+
+    def add(self, gaps: Iterable[tuple[int, int, int, tuple[str, ...]]]) -> None:
+        """Note more gaps."""
+        self.gaps.extend(gaps)
+        self._times = None
+
+    def between(self, start: int, stop: int) -> list[Gap]:
+        """Return the gaps between two times."""
+        if self._times is None or len(self._times) != len(self.gaps):
+            self._times = np.array([gap[:2] for gap in self.gaps], np.int64).reshape(-1, 2)
+        begins, ends = self._times.T
+        return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
 
 
 @dataclass(slots=True, eq=False)
@@ -74,7 +87,7 @@ class HeardNodes:
     def gaps(self, bus: int, node: int, start: int, stop: int) -> list[Gap]:
         """Return when a node was not heard between two times."""
         heard = self._nodes.get((bus, node))
-        return [] if heard is None else [Gap._make(gap) for gap in heard.gaps if start <= gap[0] and gap[1] <= stop]
+        return [] if heard is None else heard.between(start, stop)
 
     def silent(self, bus: int, node: int, t: int, end: int) -> bool:
         """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
@@ -97,8 +110,9 @@ class HeardNodes:
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
-                heard.gaps.append(Gap(heard.t, t, heard.number, heard.lines))
-            heard.gaps += zip(*(column.tolist() for column in gaps[k]), repeat(())) if k in gaps else ()
+                heard.add((Gap(heard.t, t, heard.number, heard.lines),))
+            if k in gaps:
+                heard.add(zip(*(column.tolist() for column in gaps[k]), repeat(())))
             heard.t, heard.number, heard.lines = until, start + last, ()
             del heard.gaps[:-_MOST_GAPS]
 
@@ -117,9 +131,10 @@ class HeardSessions:
             lost = np.zeros(len(at), np.int64)
             np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
             t, number = ours.times[ours.row[at]], frames.first + ours.row[at]
-            beyond = ours.beyond([session for session in ours.sessions if not session.of_service], self._last)
-            for one, session in enumerate(ours.sessions):
-                if session.of_service or session in beyond:
+            messages = [(one, ours.sessions[one]) for one in ours.messages]
+            beyond = ours.beyond([session for _, session in messages], self._last)
+            for one, session in messages:
+                if session in beyond:
                     continue
                 last = self._last.setdefault(session, _Last())
                 begin, end = ours.first[one], ours.first[one + 1]

@@ -67,7 +67,7 @@ class BusFrames:
     """Frames of a bus in a batch that have a time and a sender, one session after the other.
 
     `row` are rows of the batch, of which all have `times`; `place` counts among these frames. `first` is where each
-    session begins, and where the last one ends.
+    session begins, and where the last one ends; `messages` are places of those that are no services.
     """
 
     def __init__(self, times: BusTimes, frames: FrameTable, rows: Array | None) -> None:
@@ -79,8 +79,9 @@ class BusFrames:
         self.times, self.forward = frames.t, times.steady
         self.first: Sequence[int] = [*first.tolist(), len(codes)]
         self._turns: dict[int, tuple[Array, Array]] = {}
-        begin = codes[self.place[first]].tolist()
-        self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin]
+        begin = codes[self.place[first]]
+        self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin.tolist()]
+        self.messages: Sequence[int] = np.flatnonzero(begin & 1 == 0).tolist()
 
     @cached_property
     def begins(self) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups, resumptions
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, all_resumed, groups, resumptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -65,11 +65,11 @@ class StatusSilences(Rule):
                 own = of_node[node]
                 sent = np.searchsorted(own, rows[late])
                 active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
-                columns = (late, before_each[late], active, t.t[rows[late]])
-                for at, since, until, end in zip(*(column.tolist() for column in columns), strict=True):
-                    if self._owes(view, node, since, until)[1]:
-                        last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
-                        yield from self._silence(view, last, node, (until, end))
+                start, owes = self._owes(view, node, before_each[late], active)
+                columns = (late, start, active, t.t[rows[late]])
+                for at, *times in zip(*(column[owes].tolist() for column in columns), strict=True):
+                    last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
+                    yield from self._silence(view, last, node, *times)
             self._status[node] = _place(view, int(rows[-1]), NODE_STATUS)
 
     def finish(self, view: View) -> Iterator[Occurrence]:
@@ -77,7 +77,10 @@ class StatusSilences(Rule):
         for node, first in self._first.items():
             active = min(int(self._active[node]), view.before)  # the clock may have been set back since
             if node in self._status:
-                yield from self._silence(view, self._status[node], node, (active, view.before))
+                last = self._status[node]
+                start, late = self._owes(view, node, np.array([last.t]), np.array([active]))
+                if late[0]:
+                    yield from self._silence(view, last, node, start.item(0), active, view.before)
             elif active - first.t > OFFLINE:
                 owes = (first.t, active)
                 values = {"seconds": (active - first.t) / SECOND, "then": self._then(view, node, owes, view.before)}
@@ -94,16 +97,13 @@ class StatusSilences(Rule):
             rows = rows[self._woke[code[rows]] < begin][::-1]
             self._woke[code[rows]] = t[rows]
 
-    def _silence(self, view: View, last: Occurrence, node: int, until: tuple[int, int]) -> Iterator[Occurrence]:
-        """Yield what a node owes that was active until a time, if its last NodeStatus was too long ago.
+    def _silence(
+        self, view: View, last: Occurrence, node: int, start: int, active: int, end: int
+    ) -> Iterator[Occurrence]:
+        """Yield what a node owes that was active from a time to another one, and whose next NodeStatus is at `end`.
 
-        `until` has this time, and that of the next NodeStatus. Gaps blame nobody, and a node that was silent for most
-        of the time owes nothing for that.
+        Gaps blame nobody, and a node that was silent for most of the time owes nothing for that.
         """
-        active, end = until
-        start, owes = self._owes(view, node, last.t, active)
-        if not owes:
-            return
         least = view.number("BUS-020", "late_s") * SECOND
         most = self._gap(node, start, active)
         if 2 * (most.stop - most.start) > active - start:
@@ -114,11 +114,14 @@ class StatusSilences(Rule):
             severity: Severity | None = None if silence > OFFLINE else "note"
             yield replace(last, values=values, severity=severity, drops=True, until=min(active, start + OFFLINE))
 
-    def _owes(self, view: View, node: int, since: int, active: int) -> tuple[int, bool]:
-        """Return since when a node could have reported again, and whether it was active too long after that."""
+    def _owes(self, view: View, node: int, since: Array, active: Array) -> tuple[Array, Array]:
+        """Return since when a node could have reported again, and whether it was active too long after that.
+
+        It is asked of times of the last NodeStatus, and of those until when the node was active.
+        """
         woke = self._woke.item(node)
-        start = max(since, woke if woke <= active else view.resumed(active))
-        return start, active - start > view.number("BUS-020", "late_s") * SECOND
+        start = np.maximum(since, np.where(woke <= active, woke, all_resumed(view, active)))
+        return start, (active != NO_TIME) & (active - start > view.number("BUS-020", "late_s") * SECOND)
 
     def _gap(self, node: int, start: int, stop: int) -> Gap:
         """Return the longest time between two others in which a node was silent."""

@@ -34,7 +34,7 @@ class _Place(NamedTuple):
 
 
 class _Doubt(NamedTuple):
-    """A break until all is known that may explain it; `gaps` are those of the node meanwhile."""
+    """A break until all is known that may explain it; `gaps` are those of the node that make up most of it."""
 
     session: Session
     found: Break
@@ -100,7 +100,7 @@ class Stopped(Rule):
         for bus, heard in self._nodes.all():
             end = self._pauses.last.get(bus, heard.t)
             if end - heard.t > self._least(view):
-                heard.gaps.append(Gap(heard.t, end, heard.number, heard.lines))
+                heard.add((Gap(heard.t, end, heard.number, heard.lines),))
         paces, ends = [talk.pace for talk in self._talks.values()], self._pauses.last
         until = [ends.get(session.bus, pace.last) for session, pace in zip(self._talks, paces, strict=True)]
         silences = PacedReports.silences(paces, until)
@@ -121,7 +121,9 @@ class Stopped(Rule):
     ) -> None:
         session, talk = who
         gaps = self._nodes.gaps(session.bus, session.node, found.start, found.stop) if self._nodes else []
-        meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in gaps)
+        most = _MOSTLY * (found.stop - found.start)
+        mostly = [gap for gap in gaps if gap.stop - gap.start > most]
+        meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in mostly)
         doubt = _Doubt(session, found, place, meanwhile, ends)
         if talk.code >= 0 and len(self._doubts) < _MOST:
             self._doubts.append(doubt)
@@ -165,12 +167,7 @@ class Stopped(Rule):
         if self._starts.between(bus, node, found.start, found.stop, found.told):
             return
         limit = max(view.number("BUS-035", "periods") * found.period, self._least(view))
-        most = _MOSTLY * (found.stop - found.start)
-        gaps = [
-            gap
-            for gap in doubt.gaps
-            if gap.stop - gap.start > most and self._silent(doubt, gap.start, gap.stop) > limit
-        ]
+        gaps = [gap for gap in doubt.gaps if self._silent(doubt, gap.start, gap.stop) > limit]
         for gap in gaps:
             if (bus, node, gap.start) not in self._told:
                 self._told[bus, node, gap.start] = None

@@ -49,9 +49,9 @@ class Why(NamedTuple):
     @classmethod
     def of(cls, causes: Sequence[Cause]) -> Why:
         """Return what these say."""
-        ids: dict[str, int] = {}
-        kind = np.array([ids.setdefault(cause.what, len(ids)) for cause in causes], np.int64)
-        return cls(kind, causes.__getitem__)
+        whats = [what for what, _ in causes]
+        ids = {what: k for k, what in enumerate(dict.fromkeys(whats))}
+        return cls(np.fromiter(map(ids.__getitem__, whats), np.int64, len(whats)), causes.__getitem__)
 
 
 class Rows(NamedTuple):
@@ -108,10 +108,6 @@ class Rows(NamedTuple):
         offsets = np.concatenate(((0,), np.cumsum(self.frames, dtype=np.int64)))
         places = np.arange(offsets[-1]) + np.repeat(begins[self.row] - offsets[:-1], self.frames)
         return FrameLists(numbers[places], offsets, self.table.code[self.row], self.table.fd[self.row])
-
-    def times(self) -> Iterator[tuple[int, int]]:
-        """Yield when each began and ended."""
-        return zip(self.table.t[self.row].tolist(), self.table.t_end[self.row].tolist(), strict=True)
 
     def crc_and_payload(self, k: int) -> tuple[int, bytes]:
         """Return the CRC of one as received, and all bytes behind it."""

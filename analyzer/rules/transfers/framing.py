@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import chain, islice, pairwise, takewhile
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,9 +11,8 @@ import numpy as np
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
-from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
-from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.frame_text import FrameNumber, FrameText
@@ -63,7 +62,7 @@ def measured(view: View) -> Iterator[Occurrences]:
             rows = rows[np.isin(t.status[rows], one.only)]
         about = partial(one.values, view)
         if one.rule == "TRF-026":
-            orphans = np.array([_only_orphans(view, row) for row in rows.tolist()], bool)
+            orphans = _only_orphans(view, rows)
             yield view.among_transfers(one.rule, rows[orphans], about, severity="note")
             rows = rows[~orphans]
         yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
@@ -124,10 +123,10 @@ def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
     )  # fmt: skip
 
 
-def _known(view: View, numbers: Iterable[int]) -> list[tuple[int, Kept]]:
-    """Return frames of the recent past."""
+def _known(view: View, numbers: Iterable[int]) -> Iterator[tuple[int, Kept]]:
+    """Yield frames of the recent past."""
     kept = ((number, view.frame(number)) for number in numbers)
-    return [(number, frame) for number, frame in kept if frame is not None]
+    return ((number, frame) for number, frame in kept if frame is not None)
 
 
 def _tail(view: View, row: int) -> Values:
@@ -177,41 +176,72 @@ def _first(view: View, row: int) -> Values:
     return {"length": GONE if kept is None else len(kept.data)}
 
 
-def _others(view: View, row: int) -> Iterator[tuple[int, Kept]]:
-    """Yield frames of the session with another transfer ID, between the first and the last of a transfer."""
+def _others(view: View, row: int) -> list[tuple[int, int]]:
+    """Return frames of the session with another transfer ID, between the first and the last of a transfer: their tails.
+
+    Each comes behind its number.
+    """
     numbers = view.transfers.frames(row)
-    mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
+    mine, first = view.transfers.transfer_id.item(row), view.frame(numbers[0])
     if first is None:
-        return
-    last, own = min(numbers[-1], numbers[0] + NEAR), set(numbers)
-    for number in view.numbers_between(numbers[0] + 1, last, first.bus, session_of(first.id, first.verdict)):
-        kept = None if number in own else view.frame(number)
-        if kept is not None and kept.data and kept.data[-1] & TAIL_ID != mine:
-            yield number, kept
+        return []
+    low, high, session = numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR), session_of(first.id, first.verdict)
+    whose = first.bus, session, mine, NEAR
+    return [one for index in view.indexes(low, high) for one in index.others(low, high, *whose)]
 
 
-def _only_orphans(view: View, row: int) -> bool:
-    """Return whether nothing but frames without a transfer stand inside, which have a rule of their own (TRF-009)."""
+def _only_orphans(view: View, rows: Array) -> Array:
+    """Return a mask of transfers with nothing inside but frames without a transfer: these have a rule (TRF-009)."""
+    t, f = view.transfers, view.frames
+    begins, numbers = t.frame_lists
+    first = t.lead[rows]
+    here = first >= f.first
+    found = here.copy()
+    found[~here] = [_has_only_orphans(view, row) for row in rows[~here].tolist()]
+    for most in (1, NEAR):  # mostly the first one says it
+        left = np.flatnonzero(here & found)
+        row, at = rows[left], first[left] - f.first
+        high = np.minimum(numbers[begins[row + 1] - 1].astype(np.int64), first[left] + NEAR)
+        columns = first[left] + 1, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]
+        wanted = zip(*(column.tolist() for column in columns), strict=True)
+        each = [index.others(*one, most) for index in view.indexes(f.first, f.first + len(f)) for one in wanted]
+        count = np.fromiter(map(len, each), np.int64, len(each))
+        inside = np.fromiter((number for some in each for number, _ in some), np.int64, int(count.sum()))
+        used = ~np.isin(f.verdict[inside - f.first], _ORPHAN)
+        found[left] = (count > 0) & (
+            np.bincount(np.repeat(np.arange(len(each)), count)[used], minlength=len(each)) == 0
+        )
+    return found
+
+
+def _has_only_orphans(view: View, row: int) -> bool:
+    """Return the same of a transfer that began before this batch."""
     others = _others(view, row)
-    first = next(others, None)
-    return first is not None and all(kept.verdict in _ORPHAN for _, kept in chain((first,), others))
+    return bool(others) and all(kept.verdict in _ORPHAN for _, kept in _known(view, (number for number, _ in others)))
 
 
-def _original(view: View, number: int, kept: Kept) -> int | None:
+def _original(view: View, number: int) -> int | None:
     """Return the number of an earlier frame of the session with the same bytes, of a transfer."""
-    before = islice(preceding(view, number, kept.bus, session_of(kept.id, kept.verdict)), _BEFORE)
-    return next((earlier for earlier, one in before if one.data == kept.data and one.verdict == _USED), None)
+    kept, low, left = view.frame(number), max(number - NEAR, 0), _BEFORE
+    if kept is None:
+        return None
+    session = session_of(kept.id, kept.verdict)
+    for index in reversed(view.indexes(low, number)):
+        count, alike = index.alike(low, number, kept.bus, session, kept.data, left)
+        left -= count
+        for earlier, one in _known(view, alike):
+            if one.verdict == _USED:
+                return earlier
+    return None
 
 
 def _in_turn(view: View, row: int) -> Values:
     """Name the other transfer ID, which stands in a frame of the session between the first and the last one."""
-    mine = int(view.transfers.transfer_id[row])
-    inside = list(_others(view, row))
-    others = [(number, kept.data[-1]) for number, kept in inside]
+    mine, others = view.transfers.transfer_id.item(row), _others(view, row)
     values: Values = {"first_id": mine, "transfer_id": others[0][1] & TAIL_ID if others else GONE, "why": ""}
-    originals = (_original(view, number, kept) for number, kept in inside[:_MOST])
+    originals = (_original(view, number) for number, _ in others[:_MOST])
     known = [*takewhile(lambda number: number is not None, originals)]
-    if known and len(known) == len(inside[:_MOST]):
+    if known and len(known) == len(others[:_MOST]):
         copy = late_copy([number for number in known if number is not None])
         right = ", the CRC is right without" if view.transfers.status[row] == _OK else ""
         return {**values, "why": FrameText(f": {copy.what}", copy.detail, f" inside{right}")}

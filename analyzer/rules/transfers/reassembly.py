@@ -29,6 +29,7 @@ _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
     1 << TRANSFER_ANOMALIES.index(name) for name in ("toggle", "crc", "abandoned", "timeout")
 )
 _NEXT = 20 * MILLISECOND  # in which the next frame of a transfer would have come
+_CLOSED = round(SECONDS * SECOND)  # behind its first frame
 T = TypeVar("T")
 _NEVER = (1 << 63) - 1  # the time of a frame that did not come
 
@@ -98,10 +99,7 @@ class Reassembly(Rule):
         whats = np.where(elsewhere, NOTHING, found.form).tolist()
         noted_causes = zip(rows.senders.tolist(), rows.shapes(), [FORMS[what].what for what in whats], strict=True)
         self._causes[rows.rule].note_all(one for one, gone in zip(noted_causes, found.gone, strict=True) if not gone)
-        excused = np.array([
-            _in_gap(view, rows.rule, *times, behind)
-            for times, behind in zip(rows.times(), np.where(found.gone, _NEVER, found.value).tolist(), strict=True)
-        ])  # fmt: skip
+        excused = _in_gaps(view, rows, np.where(found.gone, _NEVER, found.value))
         excused |= found.form == EVERY_ID_FORM
         # TRF-009 names the frames.
         excused |= proven & (found.form == OTHER_ID_FORM) & (found.flags & MISNUMBERED == 0)
@@ -116,15 +114,16 @@ class Reassembly(Rule):
 
     def _unsearched(self, view: View, rows: Rows) -> Iterator[Occurrences]:
         """Yield transfers with the cause of earlier ones."""
+        if not len(rows.row):
+            return
         known = self._causes[rows.rule].like_all(zip(rows.senders.tolist(), rows.shapes(), strict=True))
-        causes = [alike(what) for what in known]
-        excused = np.array([
-            what in NOTED or _in_gap(view, rows.rule, *times) for what, times in zip(known, rows.times(), strict=True)
-        ], bool)  # fmt: skip
-        told = np.array([bool(what) for what in known], bool)
+        causes = {what: alike(what) for what in set(known)}
+        excused = _in_gaps(view, rows, np.full(len(known), _NEVER))
+        excused |= np.fromiter(map(NOTED.__contains__, known), bool, len(known))
+        told = np.fromiter(map(bool, known), bool, len(known))
         for noted in (False, True):
             which = np.flatnonzero(told & (excused == noted))
-            why = Why.of([causes[k] for k in which.tolist()])
+            why = Why.of([causes[known[k]] for k in which.tolist()])
             yield from rows.take(which).occurrences(view, why, noted=noted, drops=True)
 
 
@@ -133,15 +132,25 @@ def _of(make: Callable[[int], T], which: Array, k: int) -> T:
     return make(int(which[k]))
 
 
-def _in_gap(view: View, rule: str, t: int, end: int, behind: int = _NEVER) -> bool:
-    """Return whether what a transfer lacks may have come in a gap of the capture (CAP-002).
+def _in_gaps(view: View, rows: Rows, behind: Array) -> Array:
+    """Return whether what each transfer lacks may have come in a gap of the capture (CAP-002).
 
-    `behind` is when the first frame of its session came behind its last one, at `end`.
+    `behind` is when the first frame of its session came behind its last one.
     """
-    if t == NO_TIME:
-        return False
+    t, end = (column[rows.row] for column in (rows.table.t, rows.table.t_end))
+    found, timed = np.zeros(len(t), bool), np.flatnonzero(t != NO_TIME)
+    if len(timed):
+        since, until = np.minimum(t, end)[timed].min(), np.maximum(t, end)[timed].max() + max(_NEXT, _CLOSED)
+        if view.paused(int(since), int(until)):  # else there is no gap anywhere near
+            each = zip(*(column[timed].tolist() for column in (t, end, behind)), strict=True)
+            found[timed] = [_in_gap(view, rows.rule, *times) for times in each]
+    return found
+
+
+def _in_gap(view: View, rule: str, t: int, end: int, behind: int) -> bool:
+    """Return the same of one that has a time, and that ends at `end`."""
     if rule == LATE:
-        return view.paused(t, t + round(SECONDS * SECOND))
+        return view.paused(t, t + _CLOSED)
     if rule == CUT and view.paused(end, end + _NEXT):
         return behind - end > _NEXT
     return view.paused(t, end)

@@ -100,6 +100,12 @@ impl Index {
         &rows[begin..end.max(begin)]
     }
 
+    /// Frames of a session with numbers in a range that have a tail byte, whatever they are.
+    pub fn parts(&self, key: u32, range: &Range<u64>) -> impl DoubleEndedIterator<Item = Part<'_>> {
+        let rows = self.between(key, range).iter();
+        rows.filter_map(|&row| self.part(row as usize))
+    }
+
     /// The frame in a row, None without a tail byte.
     fn part(&self, row: usize) -> Option<Part<'_>> {
         let columns = &self.columns;

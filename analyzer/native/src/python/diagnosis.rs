@@ -71,6 +71,28 @@ impl FrameIndex {
         rows.iter().map(|&row| self.0.range().start + u64::from(row)).collect()
     }
 
+    /// Numbers and tail bytes of the first `most` frames of a session from `low` to before `high` with another
+    /// transfer ID.
+    fn others(&self, low: u64, high: u64, bus: u8, session: u32, id: u8, most: usize) -> Vec<(u64, u8)> {
+        let parts = self.0.parts(key(bus, session), &(low..high));
+        let others = parts.filter(|part| part.tail & 0x1F != id).take(most);
+        others.map(|part| (part.number, part.tail)).collect()
+    }
+
+    /// Of the last `most` frames of a session from `low` to before `high`: how many there are, and the numbers of those
+    /// with these bytes, the last one first.
+    fn alike(&self, low: u64, high: u64, bus: u8, session: u32, data: &[u8], most: usize) -> (usize, Vec<u64>) {
+        let Some((&tail, body)) = data.split_last() else {
+            return (0, vec![]);
+        };
+        let mut count = 0;
+        let last = self.0.parts(key(bus, session), &(low..high)).rev().take(most);
+        let counted = last.inspect(|_| count += 1);
+        let same = counted.filter(|part| part.tail == tail && part.body == body);
+        let numbers = same.map(|part| part.number).collect();
+        (count, numbers)
+    }
+
     /// Shares it: it never changes.
     fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
         slf

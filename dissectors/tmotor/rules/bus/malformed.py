@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, usable
+from dissectors.kit import NO_TIME, groups, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -49,8 +49,7 @@ class MalformedReports:
         if table is not None:
             mine[table.row[usable(table)]] = False
         rows = np.flatnonzero(mine & (t.t != NO_TIME))
-        for bus, src, first, last in _rows(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows]):
-            self._note((bus, src), first, last, least)
+        self._note_all(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows], least)
         self._astray(view, definition.type_id, least)
 
     def lost(self, unit: ReportingEsc, rows: Array) -> Array:
@@ -71,27 +70,36 @@ class MalformedReports:
 
     def _astray(self, view: View, type_id: int, least: int) -> None:
         """Note frames that belong to no transfer."""
-        frames, places = view.frames, []
+        frames, late = view.frames, view.settled
         if frames.verdict.any():
-            rows = np.flatnonzero((frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1))
-            places = [*_rows(frames.bus[rows], frames.id[rows], frames.t[rows])]
-        late = view.settled
-        late = late.of(late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1))
-        places += _rows(late.bus, late.id, late.t)
-        for bus, identifier, t in places:
-            if t != NO_TIME:
-                self._note((bus, identifier & 0x7F), t, t, least)
+            wanted = (frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1) & (frames.t != NO_TIME)
+            rows = np.flatnonzero(wanted)
+            t = frames.t[rows]
+            self._note_all(frames.bus[rows], frames.id[rows] & 0x7F, t, t, least)
+        wanted = late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1)
+        late = late.of(wanted & (late.t != NO_TIME))
+        self._note_all(late.bus, late.id & 0x7F, late.t, late.t, least)
 
-    def _note(self, node: _Node, first: int, last: int, least: int) -> None:
+    def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
+        """Note when reports began and ended, in their order."""
+        some = dict(groups(bus.astype(np.int64) << 8 | node))
+        for rows in sorted(some.values(), key=lambda rows: rows.item(0)):
+            self._note((bus.item(rows[0]), node.item(rows[0])), _rows(first[rows], last[rows]), least)
+
+    def _note(self, node: _Node, times: Iterator[tuple[int, ...]], least: int) -> None:
         if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
             return
         known = self._stretches.setdefault(node, [])
-        if known and known[-1][0] <= first <= known[-1][1] + least:
-            known[-1] = known[-1][0], max(known[-1][1], last)
-            return
-        known.append((first, last))
-        if len(known) > _MOST:
-            known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
+        since, until = known.pop() if known else next(times)
+        for first, last in times:
+            if since <= first <= until + least:
+                until = max(until, last)
+                continue
+            known.append((since, until))
+            since, until = first, last
+            if len(known) >= _MOST:
+                known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
+        known.append((since, until))
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:

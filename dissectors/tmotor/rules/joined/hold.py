@@ -36,9 +36,13 @@ class Samples(NamedTuple):
     pct: Array
     current: Array
 
-    def each(self) -> list[Sample]:
-        """Return them one by one."""
-        return list(map(Sample._make, zip(*(column.tolist() for column in self), strict=True)))
+    def each(self, first: int, stop: int) -> list[Sample]:
+        """Return some of them one by one."""
+        return list(map(Sample._make, zip(*(column[first:stop].tolist() for column in self), strict=True)))
+
+    def take(self, rows: Array) -> Samples:
+        """Return some of them."""
+        return Samples(*(column[rows] for column in self))
 
     def joined(self, other: Samples) -> Samples:
         """Return both, one after the other."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,10 +13,10 @@ from dissectors.records import replace
 from dissectors.tmotor.rules.joined.hold import Hold
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from dissectors.kit import Array, Occurrence, Occurrences, Pauses, Values, View
-    from dissectors.tmotor.rules.joined.hold import Sample
+    from dissectors.tmotor.rules.joined.hold import Samples
     from dissectors.tmotor.rules.joined.joins import ReportingEsc
     from dissectors.tmotor.rules.joined.speed_reports import SpeedReports
 
@@ -24,17 +25,21 @@ _CLOSE = 64  # reports before a loss among which the last one with throttle is, 
 RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
 
 
-class SameThrottle(NamedTuple):
-    """Reports from `first` to before `stop`, since the same throttle at `since`; `spare` as `Hold` has it.
+class Stretches(NamedTuple):
+    """Reports from `first` to before `stop`, since the same throttle at `since`, a row each; `spare` as `Hold` has it.
 
     `heard` says of a loss that would begin there whether others were heard for so long.
     """
 
-    first: int
-    stop: int
-    since: int
-    spare: int
-    heard: bool
+    first: Array
+    stop: Array
+    since: Array
+    spare: Array
+    heard: Array
+
+    def take(self, rows: Array | slice) -> Stretches:
+        """Return some of them."""
+        return Stretches(*(column[rows] for column in self))
 
 
 class Losses:
@@ -59,13 +64,12 @@ class Losses:
         if hold is not None and lost[0] and since[0] == hold.since:
             self._spare[0] = hold.spare
 
-    def stretches(self, least: int) -> Iterator[SameThrottle]:
-        """Yield them; a loss has to be heard for so many ns."""
+    def stretches(self, least: int) -> Stretches:
+        """Return them; a loss has to be heard for so many ns."""
         first, spare = self._first, self._spare
         heard = self.lost[first]
         heard[heard] = self._heard(first[heard], spare[heard], least)
-        columns = first, self._stop, self.since[first], spare, heard
-        yield from map(SameThrottle._make, zip(*(column.tolist() for column in columns), strict=True))
+        return Stretches(first, self._stop, self.since[first], spare, heard)
 
     def lasted(self, rows: Array, least: int) -> Array:
         """Return of some lost reports whether the loss has lasted so many ns, silence of the bus left out."""
@@ -100,6 +104,12 @@ class ToldLosses:
         else:
             yield told_later(hold, place, course())
 
+    def add(self, losses: Stretches, last: Array, course: Callable[[int], str]) -> None:
+        """Take losses that begin and end in this batch; `last` are times of their last reports."""
+        columns = losses.first.tolist(), losses.since.tolist(), last.tolist()
+        for k, (place, *times) in enumerate(zip(*columns, strict=True)):
+            self._told[place] = *times, partial(course, k)
+
     def occurrences(self) -> Iterator[Occurrences]:
         """Yield those of this batch."""
         if not self._told:
@@ -129,15 +139,23 @@ def told_later(hold: Hold, place: Occurrence, course: str) -> Occurrence:
     return replace(place, values={**place.values, "course": course}, until=max(hold.last.t, place.t))
 
 
-def opened(t: Array, each: Sequence[Sample], at: int, since: int, spare: int) -> Hold:
+def opened(whole: Samples, at: int, since: int, spare: int) -> Hold:
     """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
-    base = next((k for k in range(at - 1, max(at - _CLOSE, 0) - 1, -1) if each[k].t <= since), -1)
-    if base < 0:
-        before = np.flatnonzero(t[:at] <= since)
-        base = before.item(-1) if len(before) else 0
-    hold = Hold(since, each[base], spare)
-    hold.feed(each[base + 1 : at])
+    base = bases(whole.t, np.array([at]), np.array([since])).item(0)
+    hold = Hold(since, whole.each(base, base + 1)[0], spare)
+    hold.feed(whole.each(base + 1, at))
     return hold
+
+
+def bases(t: Array, at: Array, since: Array) -> Array:
+    """Return the last report up to the last throttle before each loss, which begins with the report `at`."""
+    back = at[:, None] - np.arange(1, _CLOSE + 1)
+    earlier = (back >= 0) & (t[np.maximum(back, 0)] <= since[:, None])
+    found: Array = at - 1 - earlier.argmax(axis=1)
+    for k in np.flatnonzero(~earlier.any(axis=1)).tolist():
+        before = np.flatnonzero(t[: at[k]] <= since[k])
+        found[k] = before.item(-1) if len(before) else 0
+    return found
 
 
 def spares(t: Array, at: Array) -> Array:

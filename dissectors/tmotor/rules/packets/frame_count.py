@@ -170,7 +170,7 @@ class FrameCounts(Rule):
         known, key = (past[0], hit.key) if reading in OF_UNIT else (past[1], hit.key >> 8)
         names = [table.name] if reading in BY_ID else known.names(carrier(table))
         before, lead = known.before(names, key, hit.place)
-        between, missing = (lead, t.frames(at)[0]), (step - 1) % 256
+        between, missing = (lead, t.lead.item(at)), (step - 1) % 256
         if self._losses.explain(carrier(table), hit.key >> 8, between, missing):
             return None
         if self._gaps.between(before, hit.place >> 16):

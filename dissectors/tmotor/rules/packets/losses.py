@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _MOST_LOSSES = 1024  # remembered of a session; 256 before a packet are all that its count can tell
 _MOST_GAPS = 256
 _BROKEN = -1
+_BEHIND = 1 << 62  # more than any transfer can lose
 
 
 class TransferLosses:
@@ -52,7 +53,7 @@ class TransferLosses:
                 unread = rest.row.tolist()
                 found += [(name, node, row, 1) for node, row in zip(sender(rest).tolist(), unread, strict=True)]
         for name, node, row, lost in found:
-            self._lost.setdefault((name, node), []).append((t.frames(row)[0], lost))
+            self._lost.setdefault((name, node), []).append((t.lead.item(row), lost))
         for session in {(name, node) for name, node, _, _ in found}:
             self._lost[session].sort()
 
@@ -67,7 +68,7 @@ class TransferLosses:
         Both are given by their first frames.
         """
         losses = self._lost.get((name, node), [])
-        low, high = (bisect_right(losses, number, key=lambda one: one[0]) for number in between)
+        low, high = (bisect_right(losses, (number, _BEHIND)) for number in between)
         lost = [count for _, count in losses[low:high]]
         return _BROKEN in lost or 0 < missing <= sum(lost)
 
@@ -117,15 +118,15 @@ class KnownLosses:
         """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
         latest, name = max((self._before(name, key, at), name) for name in names)
         number, first = latest >> 16, self._transfers.first
-        return number, self._transfers.frames(number - first)[0] if number >= first else self._known.lead(name, key)
+        return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(name, key)
 
     def _before(self, name: str, key: int, at: int) -> int:
         if (name, key) not in self._places:
             keys, places = self._tables.get(name, (np.empty(0), np.empty(0)))
             self._places[name, key] = places[keys == key]
         places = self._places[name, key]
-        found = int(np.searchsorted(places, at)) - 1
-        return int(places[found]) if found >= 0 else self._known.place(name, key)
+        found = int(places.searchsorted(at)) - 1
+        return places.item(found) if found >= 0 else self._known.place(name, key)
 
 
 class Before:
