@@ -138,18 +138,18 @@ class Findings:
 
         What an event is the cause of is left out.
         """
-        causes = {
-            key: runs
-            for key, runs in settled.items()
-            if key.severity != "note" or self._pages[key.rule].severity == "note"
-        }
+        causes: dict[tuple[str, int, int], list[OccurrenceRun]] = {}
+        for key, runs in settled.items():
+            if key.severity != "note" or self._pages[key.rule].severity == "note":
+                causes.setdefault((key.rule, key.bus, key.node), []).extend(runs)
         found: dict[FindingKey, list[OccurrenceRun]] = {}
         for key, runs in settled.items():
             stays = key.severity == "note" or key.rule in self._severities
             explained = () if stays else self._pages[key.rule].explained
             told = [rule for rule in self._pages[key.rule].explained if rule in self._pages and self._pages[rule].event]
-            because = [(rule, _of(causes, rule, key)) for rule in explained if rule not in told]
-            events = [event for rule in told for event in _of(causes, rule, key)]
+            place = key.bus, key.node
+            because = [(rule, causes.get((rule, *place), ())) for rule in explained if rule not in told]
+            events = [event for rule in told for event in causes.get((rule, *place), ())]
             for run in runs:
                 if any(run.first[0] >= event.first[0] - _TOGETHER for event in events):
                     continue
@@ -293,11 +293,6 @@ class Findings:
             others = (one for rule in explained for one in self._keys.get((rule, key.bus, key.node), ()))
             runs[:] = joined(runs, [run for one in others for run in self._runs[one]])
         self._total += len(runs)
-
-
-def _of(found: Mapping[FindingKey, Sequence[OccurrenceRun]], rule: str, key: FindingKey) -> list[OccurrenceRun]:
-    """Return what was found by a rule of the bus and node of a key."""
-    return [run for other, runs in found.items() if (other.rule, *other[2:4]) == (rule, *key[2:4]) for run in runs]
 
 
 def _groups(
