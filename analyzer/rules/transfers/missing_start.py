@@ -17,7 +17,7 @@ from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from analyzer.rules.diagnosis.causes import Cause
     from analyzer.rules.transfers.loose_frames import LooseFrames
@@ -281,5 +281,7 @@ def _kept(lines: Sequence[tuple[str, ...]], rows: Array, k: int) -> tuple[str, .
     return lines[row]
 
 
-def _lines(view: View, frames: Iterable[int]) -> tuple[str, ...]:
+def _lines(view: View, frames: Sequence[int]) -> tuple[str, ...]:
+    if len(frames) <= MOST_LINES:  # as nearly always
+        return view.lines(frames)
     return tuple(line for number in frames for line in view.lines((number,)))
