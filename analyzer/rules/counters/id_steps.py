@@ -51,7 +51,7 @@ class IdStep(NamedTuple):
 
 
 class MovedStep(NamedTuple):
-    """What is told of a step of which only the order changed; `noted` says that it proves little."""
+    """A step of which only the order changed, as it is told; `noted` says that it proves little."""
 
     frames: Sequence[int]
     values: Values

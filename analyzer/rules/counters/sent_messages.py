@@ -41,7 +41,7 @@ class Follower(Protocol):
         """Give up looking for a cause of what is held."""
 
 
-class Uptimes(NamedTuple):
+class StatedUptimes(NamedTuple):
     """Uptimes that a node states: rows of the transfers, their times, seconds, their transfer IDs."""
 
     row: Array
@@ -50,12 +50,12 @@ class Uptimes(NamedTuple):
     transfer_id: Array
 
     @classmethod
-    def none(cls) -> Uptimes:
+    def none(cls) -> StatedUptimes:
         """Return no uptimes."""
         return cls(*[np.empty(0, np.int64)] * 4)
 
 
-class SentMessages:
+class MessagesBySender:
     """The messages of a batch by their senders."""
 
     def __init__(self, transfers: TransferTable) -> None:
@@ -78,7 +78,7 @@ class WalkedMessages:
     `uptimes` are those in its NodeStatus.
     """
 
-    def __init__(self, sent: SentMessages, uptimes: Uptimes) -> None:
+    def __init__(self, sent: MessagesBySender, uptimes: StatedUptimes) -> None:
         self._sent, self._t = sent, sent.transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on

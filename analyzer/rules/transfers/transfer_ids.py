@@ -16,7 +16,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.id_node import IdNode
 from analyzer.rules.counters.id_steps import LATE, id_steps, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
-from analyzer.rules.counters.sent_messages import SentMessages, Uptimes, WalkedMessages
+from analyzer.rules.counters.sent_messages import MessagesBySender, StatedUptimes, WalkedMessages
 from dissectors.kit import NO_TIME, Rule, groups
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class TransferIds(Rule):
         self._orphans.feed(view)
         t = view.transfers
         steps = _by_node(id_steps(view, odd_rows(t), self._orphans), t)
-        uptimes, none, messages = _uptimes(view), Uptimes.none(), SentMessages(t)
+        uptimes, none, messages = _uptimes(view), StatedUptimes.none(), MessagesBySender(t)
         others = (key for key, node in self._nodes.items() if node.shared is not None)
         for key in dict.fromkeys((*steps, *uptimes, *others)):
             node = self._nodes.setdefault(key, IdNode(*key))
@@ -71,9 +71,9 @@ def _by_node(steps: IdSteps, t: TransferTable) -> dict[tuple[int, int], IdSteps]
     return {(key >> 8, key & 0xFF): steps.take(rows).compact() for key, rows in each}
 
 
-def _uptimes(view: View) -> dict[tuple[int, int], Uptimes]:
+def _uptimes(view: View) -> dict[tuple[int, int], StatedUptimes]:
     """Return what every node says, by the row of the transfer."""
-    found: dict[tuple[int, int], Uptimes] = {}
+    found: dict[tuple[int, int], StatedUptimes] = {}
     t = view.transfers
     table = view.table(NODE_STATUS)
     if table is not None:
@@ -82,5 +82,5 @@ def _uptimes(view: View) -> dict[tuple[int, int], Uptimes]:
         each = [(int(mine[0]), key, rows[mine]) for key, mine in groups(node)]
         for _, key, mine in sorted(each, key=lambda one: one[0]):
             row = table.row[mine]
-            found[key >> 8, key & 0xFF] = Uptimes(row, t.t[row], table["uptime_sec"][mine], t.transfer_id[row])
+            found[key >> 8, key & 0xFF] = StatedUptimes(row, t.t[row], table["uptime_sec"][mine], t.transfer_id[row])
     return found

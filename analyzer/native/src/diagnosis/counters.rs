@@ -101,11 +101,9 @@ mod tests {
 
     fn counters(least: u32) -> Counters {
         let latest = Latest {
-            id: 0,
-            t: 0,
             tail: 0xC0,
-            body: vec![],
             ended: true,
+            ..Latest::default()
         };
         Counters::new(Starts::new(0, 0, latest), 0, least)
     }

@@ -20,7 +20,7 @@ pub struct OddStart {
 }
 
 /// The last start of a session: its ID, its time, the bytes of its frame, and whether its transfer has ended.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Latest {
     pub id: u8,
     pub t: i64,
@@ -119,11 +119,9 @@ mod tests {
 
     fn odd(parts: &[&[u8]]) -> Vec<(u64, u8, u8, bool)> {
         let latest = Latest {
-            id: 0,
-            t: 0,
             tail: 0xC0,
-            body: vec![],
             ended: true,
+            ..Latest::default()
         };
         let mut starts = Starts::new(SESSION, 0, latest);
         let mut first = 0;
