@@ -32,7 +32,7 @@ impl Gaps<'_> {
         low.checked_sub(1).map_or(self.start, |at| self.ends[at])
     }
 
-    /// Whether nothing but another sender or a loss explains a start: no silence, no gap of the capture.
+    /// Whether a silence, or a gap of the capture, explains a start.
     pub fn explain(&self, one: &OddStart) -> bool {
         let timed = one.t != NO_TIME && one.since != NO_TIME;
         timed && (one.t - one.since > TIMEOUT_NS || one.since < self.resumed(one.t))
