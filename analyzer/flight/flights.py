@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from analyzer.decode.columns import senders
 from analyzer.devices.rows import split
 from analyzer.flight.basis import FlightBasis
 from analyzer.flight.clock import RecordedClock
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
     from dissectors import Registry
-    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 ARMING = "uavcan.equipment.safety.ArmingStatus"
@@ -146,7 +146,7 @@ class FlightFinder:
 
     def _feed_arming(self, table: pa.RecordBatch) -> None:
         on, at = numbers(table.column("status")) == ARMED, self._clock.of(table)
-        for key, rows in groups(_nodes(table)):
+        for key, rows in groups(senders(table)):
             self._by["arming"].feed(key, on[rows], at.take(rows))
 
 
@@ -155,8 +155,3 @@ def _end(one: Stretch, end: int, silent: int) -> str:
     if one.over:
         return "lost" if one.silent else "landed"
     return "lost" if end - one.last.ran > silent else "cut"
-
-
-def _nodes(table: pa.RecordBatch) -> Array:
-    node: Array = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
-    return node

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.columns import senders
 from analyzer.decode.grouped import grouped
 from analyzer.flight.thresholds import lasting
 from analyzer.tables import STATUSES, TRANSFER_ANOMALIES, TRANSFER_IDS
@@ -75,7 +76,7 @@ class LossesBySecond:
         broken = np.flatnonzero(_BROKEN[status] & timed)
         if not len(gaps) and not len(again) and not len(broken):
             return
-        node = numbers(transfers.column("bus")).astype(np.int64) << 8 | numbers(transfers.column("src"))
+        node = senders(transfers)
         left_out = (numbers(transfers.column("step"))[gaps].astype(np.int64) - 1) % TRANSFER_IDS
         for rows, kept, much in (
             (gaps, self._missing, left_out), (again, self._repeated, np.ones_like(again)),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analyzer.decode.columns import senders
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.flight.clock import ANEW
 from analyzer.flight.flights import ARMED, ARMING
@@ -81,7 +82,7 @@ class NodeEvents:
 
     def _note_uptimes(self, table: pa.RecordBatch) -> None:
         """Note uptimes that fell and can have begun since the report before, and how they went on behind holes."""
-        at, node = self._clock.of(table), _nodes(table)
+        at, node = self._clock.of(table), senders(table)
         uptime = numbers(table.column("uptime_sec")).astype(np.int64)
         for code, rows in _timed(node, at):
             mine, seconds = at.take(rows), uptime[rows]
@@ -100,7 +101,7 @@ class NodeEvents:
             return
         behind = self._clock.holes_before(at.frame)
         first = int(self._clock.holes_before(np.array([known[1].frame]))[0]) if known else int(behind[0])
-        for k in np.flatnonzero(np.diff(behind, prepend=first)).tolist():
+        for k in changes(behind, first).tolist():
             holes[int(behind[k]) - 1].uptimes.append(int(seconds[k] - before[k]) * SECOND)
 
     def _restart(self, code: int, last: Spot, here: Spot, before: int, now: int) -> None:
@@ -112,7 +113,7 @@ class NodeEvents:
 
     def _note_texts(self, table: pa.RecordBatch) -> None:
         """Take what nodes say in words."""
-        at, node = self._clock.of(table), _nodes(table)
+        at, node = self._clock.of(table), senders(table)
         texts, sources = (_words(table, name) for name in ("text", "source"))
         levels: list[Any] = pylist(table.column("level")) if "level" in table.schema.names else [None] * len(table)
         for row in np.flatnonzero(at.t != NO_TIME).tolist():
@@ -124,7 +125,7 @@ class NodeEvents:
 
     def _note_arming(self, table: pa.RecordBatch) -> None:
         """Note when the vehicle is armed and disarmed."""
-        at, node = self._clock.of(table), _nodes(table)
+        at, node = self._clock.of(table), senders(table)
         armed = (numbers(table.column("status")) == ARMED).astype(np.int64)
         for code, rows in _timed(node, at):
             mine, now = at.take(rows), armed[rows]
@@ -141,11 +142,6 @@ class NodeEvents:
         self._add(FlightEvent(
             kind, text, before, here, None, code >> 8, code & 0xFF, None, type_, "", values or {}
         ))  # fmt: skip
-
-
-def _nodes(table: pa.RecordBatch) -> Array:
-    node: Array = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
-    return node
 
 
 def _timed(node: Array, at: RowPlaces) -> list[tuple[int, Array]]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from analyzer.decode.columns import senders
 from analyzer.devices import fields
 from analyzer.devices.settings import commands, is_setting, written
 from analyzer.facts.meaning import meaning
@@ -123,7 +124,7 @@ class ParameterEvents(ReportEvents):
         columns = list(self._columns(plot, table, fields.ABOUT_ROWS | plot.hidden | plot.own))
         clause = getattr(self._registry.definition(plot.table), "clause", "")
         timed = at.t != NO_TIME
-        nodes = groups(numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))
+        nodes = groups(senders(table))
         devices = [_Device(code, places[timed[places]], {}, {}) for code, places in nodes if timed[places].any()]
         if not devices:
             return

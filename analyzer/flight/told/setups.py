@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from analyzer.decode.columns import senders
 from analyzer.devices.settings import commands, written
 from analyzer.facts.meaning import meaning
 from analyzer.facts.software import version, version_column
@@ -84,7 +85,7 @@ class Setups(ReportEvents):
         rows, column = self._timed(table), table.column(name)
         if column.null_count or not (pa.types.is_integer(column.type) or pa.types.is_boolean(column.type)):
             return rows
-        order, begins = by_key(_nodes(table)[rows])
+        order, begins = by_key(senders(table)[rows])
         values = numbers(column)[rows[order]]
         other = np.ones(len(rows), bool)
         np.not_equal(values[1:], values[:-1], out=other[1:])
@@ -99,7 +100,7 @@ class Setups(ReportEvents):
             yield about.texts.get(value) or (f"0x{value & 0xFFFF_FFFF:X}" if hexadecimal else written(value))
 
     def _note(self, table: pa.RecordBatch, what: str, rows: Array, texts: list[str]) -> None:
-        columns = _nodes(table)[rows].tolist(), self._clock.of(table).take(rows).ran.tolist(), texts
+        columns = senders(table)[rows].tolist(), self._clock.of(table).take(rows).ran.tolist(), texts
         for code, ran, text in zip(*columns, strict=True):
             node = code >> 8, code & 0xFF
             if not text or (node not in self._all and len(self._all) >= MOST_NODES):
@@ -107,8 +108,3 @@ class Setups(ReportEvents):
             told = self._all.setdefault(node, {}).setdefault(what, [])
             if len(told) < MOST_CHANGES and (not told or told[-1].text != text):
                 told.append(NodeStatement(ran, text))
-
-
-def _nodes(table: pa.RecordBatch) -> Array:
-    node: Array = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
-    return node
