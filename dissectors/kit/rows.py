@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from dissectors.kit.view import View
 
 NODES = 1 << 15  # 8 bits of bus, 7 of node ID
-_senders: WeakKeyDictionary[DecodedTable, Array] = WeakKeyDictionary()  # many rules ask
 
 
 def usable(table: DecodedTable) -> Array:
@@ -42,11 +40,7 @@ def doubtful(table: DecodedTable, rows: Array) -> Array | None:
 
 def sender(table: DecodedTable, rows: Array | slice = slice(None)) -> Array:
     """Return bus and node of rows in one number of 16 bits each, below `NODES`; not to be written to."""
-    if table not in _senders:
-        node = table.bus.astype(np.uint16) << 7
-        node |= table.src & 0x7F
-        _senders[table] = node
-    found: Array = _senders[table][rows]
+    found: Array = table.sender[rows]
     return found
 
 

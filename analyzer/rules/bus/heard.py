@@ -52,9 +52,15 @@ class HeardNode:
         self.gaps.extend(gaps)
         self._times = None
 
+    def forget(self, most: int) -> None:
+        """Keep that many gaps at most, the latest."""
+        if len(self.gaps) > most:
+            del self.gaps[:-most]
+            self._times = None
+
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        if self._times is None or len(self._times) != len(self.gaps):
+        if self._times is None:
             self._times = np.array([gap[:2] for gap in self.gaps], np.int64).reshape(-1, 2)
         begins, ends = self._times.T
         return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
@@ -114,7 +120,7 @@ class HeardNodes:
             if k in gaps:
                 heard.add(zip(*(column.tolist() for column in gaps[k]), repeat(())))
             heard.t, heard.number, heard.lines = until, start + last, ()
-            del heard.gaps[:-_MOST_GAPS]
+            heard.forget(_MOST_GAPS)
 
 
 class HeardSessions:
