@@ -66,12 +66,9 @@ class SeveralSenders:
 
         Return the first start with which several senders show, None if they do not.
         """
-        found = _read(self._followed[place], number, view).shows(number, _gaps(view))
-        if found is None:
-            return None
-        start, t, took_over = found
-        self.seen = t if took_over else self.seen
-        return start
+        followed = self._followed[place]
+        _read(followed, number, view)
+        return self._next(followed, number, view)
 
     def shared(self, one: IdStep, view: View) -> Shared | None:
         """Return what shows several senders in a session, up to an odd step of it; None if one is enough."""
@@ -87,18 +84,26 @@ class SeveralSenders:
                 followed.add(start, _gaps(view))
         number = one.frames[-1]
         _read(followed, number, view)
-        while (found := followed.shows(number, _gaps(view))) is not None:
-            _, t, took_over = found
-            self.seen = t if took_over else self.seen
+        while self._next(followed, number, view) is not None:
+            pass
         return _shared(followed, one.code, view)
 
+    def _next(self, followed: SessionCounters, number: int, view: View) -> int | None:
+        """Return the next start up to a frame with which several senders show, and note who took over with it."""
+        found = followed.shows(number, _gaps(view))
+        if found is None:
+            return None
+        start, t, took_over = found
+        if took_over:
+            self.seen = t
+        return start
 
-def _read(followed: SessionCounters, number: int, view: View) -> SessionCounters:
+
+def _read(followed: SessionCounters, number: int, view: View) -> None:
     """Read the frames that were not read yet, if a frame is among them."""
     if number >= followed.unread:
         for index in view.indexes(followed.unread, _NEVER):
             followed.read(index)
-    return followed
 
 
 def _gaps(view: View) -> tuple[int, Array]:

@@ -7,9 +7,6 @@ use super::starts::{OddStart, Starts};
 use crate::frames::NO_TIME;
 use crate::slot::TIMEOUT_NS;
 
-/// In which another sender may have been taken for the one that counts.
-const BEFORE: i64 = 1_000_000_000;
-
 /// Since when frames have come without a gap: the first time of the capture, and the ends of all gaps.
 #[derive(Clone, Copy, Debug)]
 pub struct Gaps<'a> {
@@ -88,7 +85,7 @@ impl Counters {
 
     /// The counter that goes on behind what others send.
     pub fn goes_on(&self) -> Option<GoesOn> {
-        self.resumed.goes_on(self.least as usize, BEFORE)
+        self.resumed.goes_on(self.least as usize)
     }
 }
 

@@ -16,6 +16,9 @@ const OTHERS: usize = 4;
 /// Transfers that changed places with each other.
 const MOVED: u8 = 8;
 
+/// Nanoseconds in which the other one may have been taken for it.
+const BEFORE: i64 = 1_000_000_000;
+
 /// The time before it, how many IDs it had, and whether the counter went on behind it.
 #[derive(Clone, Copy, Debug)]
 struct Interruption {
@@ -123,8 +126,8 @@ impl Resumed {
         }
     }
 
-    /// What goes on, if it did so often, and seldom did not; `before` is how long the other one may have been taken for it.
-    pub fn goes_on(&self, least: usize, before: i64) -> Option<GoesOn> {
+    /// What goes on, if it did so often, and seldom did not.
+    pub fn goes_on(&self, least: usize) -> Option<GoesOn> {
         let survived = self.survived;
         if survived < least || 4 * (self.past.len() - survived) > survived {
             return None;
@@ -138,7 +141,7 @@ impl Resumed {
         Some(GoesOn {
             last: self.last,
             number: self.number,
-            since: timed.map_or(NO_TIME, |one| one.since - before),
+            since: timed.map_or(NO_TIME, |one| one.since - BEFORE),
             other: self.ids.iter().find(often).copied(),
         })
     }
