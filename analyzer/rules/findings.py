@@ -6,19 +6,16 @@ The result does not depend on the order in which occurrences come in, as long as
 from __future__ import annotations
 
 from bisect import bisect_left
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
 
 from analyzer.decode.readings import FORCED
 from analyzer.rules.episodes import episode_of
+from analyzer.rules.groups import by_key, by_pause, by_piece, by_place, groups, split
 from analyzer.rules.runs import (
     MOST_EXAMPLES,
-    PAUSE,
-    PIECE,
     OccurrenceRun,
     Shown,
+    absorb,
     is_full,
     joined,
     meets,
@@ -40,6 +37,7 @@ MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
 RICH = 500  # runs with all their examples, the first ones in the capture; the others have one
 KEPT = 4 * RICH  # runs whose examples are kept until it is known which ones are the first
+MOST_APART = 1024  # runs of one rule; from then on a pause ends none where nothing is explained by a part
 FURTHER = "further"
 _TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
 
@@ -89,7 +87,10 @@ class Findings:
         self._runs: dict[FindingKey, list[OccurrenceRun]] = {}
         self._keys: dict[tuple[str, int, int], list[FindingKey]] = {}  # those of a rule, bus and node
         self._spots: dict[str, set[tuple[int, int, str]]] = {}  # of rules: bus, node and type of keys
-        self._total = 0
+        causes = {rule for page in pages.values() for rule in page.explained}
+        self._plain = {rule for rule, page in pages.items() if not page.explained} - causes
+        self._counts: dict[str, int] = {}  # runs of rules
+        self._total = 0  # and of all
         self.changes = 0  # how often something was added
 
     def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
@@ -204,7 +205,8 @@ class Findings:
         further: dict[tuple[bool, bool], list[Any]] = {}
         full = len(self._runs) >= MOST_GROUPS
         told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
-        for pieces, noted, doubtful, bus, node, number in _groups(found, near_drops, explained=bool(page.explained)):
+        apart = by_piece if page.explained else by_key if self._is_crowded(found.rule) else by_pause
+        for pieces, noted, doubtful, bus, node, number in groups(found, near_drops, apart):
             if (noted, doubtful) not in shared:
                 shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
             last, type_ = shared[noted, doubtful], view.type_name(number)
@@ -216,8 +218,8 @@ class Findings:
                     continue
             further.setdefault((noted, doubtful), []).extend(pieces)
         for of, parts in further.items():
-            rows = _by_place(found, parts)
-            self._put_all(told, _split(rows, _apart(found.t[rows], explained=bool(page.explained))), shared[of])
+            rows = by_place(found, parts)
+            self._put_all(told, split(rows, apart(found.t[rows])), shared[of])
 
     def _shared_key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
         """Return the key that what comes later shares; `doubtful`: its values may be those of another reading."""
@@ -259,6 +261,8 @@ class Findings:
 
     def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have."""
+        if self._is_crowded(key.rule):
+            return 0 if key in self._runs else MOST_EXAMPLES
         before = self._before(key, run.first)
         if before is None or not self._close(key)(before, run):
             return MOST_EXAMPLES
@@ -269,6 +273,10 @@ class Findings:
     def _close(self, key: FindingKey) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
         """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""
         return same_piece if self._pages[key.rule].explained else without_pause
+
+    def _is_crowded(self, rule: str) -> bool:
+        """Return whether an occurrence joins the run of its key before it, whatever the pause between."""
+        return rule in self._plain and self._counts.get(rule, 0) >= MOST_APART
 
     def _severity(self, rule: str, said: Severity | None, near_drops: bool) -> Severity:
         if rule in self._severities:
@@ -286,58 +294,14 @@ class Findings:
             runs = self._runs[key] = []
             self._keys.setdefault((key.rule, key.bus, key.node), []).append(key)
             self._spots.setdefault(key.rule, set()).add((key.bus, key.node, key.type))
-        self._total -= len(runs)
-        merge(runs, run, self._close(key))
+        before = len(runs)
+        if runs and self._is_crowded(key.rule):
+            absorb(runs, run)
+        else:
+            merge(runs, run, self._close(key))
         explained = self._pages[key.rule].explained
         if explained and len(runs) > MOST_PIECES:
             others = (one for rule in explained for one in self._keys.get((rule, key.bus, key.node), ()))
             runs[:] = joined(runs, [run for one in others for run in self._runs[one]])
-        self._total += len(runs)
-
-
-def _groups(
-    found: Occurrences, near_drops: Sequence[bool] | None, *, explained: bool
-) -> Iterator[tuple[Sequence[Any], bool, bool, int, int, int]]:
-    """Yield rows that belong to one key each, in order of place, and what is true of all of them behind these.
-
-    They come in pieces: each belongs to one run, or to one piece of what may be `explained`. Behind them stands whether
-    lost frames may explain them, whether they are doubtful, their bus, their node, the number of their type.
-    """
-    none = np.zeros(len(found.t), bool)
-    noted = none if near_drops is None else np.asarray(near_drops, bool)
-    doubtful = none if found.doubtful is None else np.asarray(found.doubtful, bool)
-    code = found.bus.astype(np.int64) << 9 | (found.node.astype(np.int64) + 1)
-    code = (code * (1 << 34) + found.type.astype(np.int64)) * 4 + noted * 2 + doubtful
-    parts = [found.frame, found.t, code]
-    if found.key is not None:
-        parts.insert(2, np.unique(found.key, return_inverse=True)[1])
-    order = np.lexsort(parts)
-    changed = np.zeros(len(order) - 1, bool)
-    for part in parts[2:]:
-        changed |= np.diff(part[order]) != 0
-    first = order[np.concatenate(([True], changed))]
-    same = (column[first].tolist() for column in (noted, doubtful, found.bus, found.node, found.type))
-    apart = changed | _apart(found.t[order], explained=explained)
-    pieces, ends = _split(order, apart), np.flatnonzero(changed[apart]) + 1
-    each = (pieces[start:stop] for start, stop in pairwise([0, *ends.tolist(), len(pieces)]))
-    yield from zip(each, *same, strict=True)
-
-
-def _by_place(found: Occurrences, parts: Sequence[Any]) -> Any:
-    """Return the rows of some groups together, in order of place."""
-    rows = np.concatenate(parts)
-    return rows[np.lexsort((found.frame[rows], found.t[rows]))]
-
-
-def _apart(t: Any, *, explained: bool) -> Any:
-    """Return of each time but the first whether a run begins with it, or a piece of what may be explained."""
-    apart = t[1:] - t[:-1] > PAUSE
-    if explained:
-        piece = t // PIECE
-        apart |= piece[1:] != piece[:-1]
-    return apart
-
-
-def _split(rows: Any, apart: Any) -> list[Any]:
-    """Return rows in parts; each one but the first says whether it is apart from the one before."""
-    return [rows[start:stop] for start, stop in pairwise([0, *(np.flatnonzero(apart) + 1).tolist(), len(rows)])]
+        self._counts[key.rule] = self._counts.get(key.rule, 0) + len(runs) - before
+        self._total += len(runs) - before

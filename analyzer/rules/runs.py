@@ -93,6 +93,14 @@ def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Callable[[Occurr
         runs[-1].take(last)
 
 
+def absorb(runs: list[OccurrenceRun], run: OccurrenceRun) -> None:
+    """Put a run into the last of others that begins before it, or into the first, whatever the pause between."""
+    at = max(bisect_left(runs, run.first, key=lambda one: one.first) - 1, 0)
+    runs[at].take(run)
+    while at + 1 < len(runs) and runs[at + 1].first <= runs[at].last:
+        runs[at].take(runs.pop(at + 1))
+
+
 def without_pause(one: OccurrenceRun, after: OccurrenceRun) -> bool:
     """Return whether two runs are one."""
     return after.first[0] - one.last[0] <= PAUSE

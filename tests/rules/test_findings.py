@@ -101,6 +101,28 @@ def test_bounds_merge_and_never_forget(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {key for key, *_ in found} == {"channel=1", "channel=2", "further"}
 
 
+def test_a_rule_with_too_many_runs_has_no_more_for_what_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(findings, "MOST_APART", 3)
+    rows = [(0, 0, 1), (20, 1, 1), (40, 2, 2), (60, 3, 1), (61, 4, 3), (90, 5, 2), (120, 6, 1)]
+    expected = [
+        ("channel=1", 1, 0, 0, [0]),
+        ("channel=1", 3, 1, 6, [1]),
+        ("channel=2", 2, 2, 5, [2]),
+        ("channel=3", 1, 4, 4, [4]),
+    ]
+    assert brief(*(one(*row) for row in rows)) == expected
+    assert brief(*(many([row]) for row in rows)) == expected
+    assert brief(many(rows[:3]), many(rows[3:])) == expected
+    late = one(-30, 9)
+    assert brief(*(one(*row) for row in rows), late)[0] == ("channel=1", 2, 9, 0, [0])
+
+
+def test_what_explains_and_what_may_be_explained_keeps_all_its_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(findings, "MOST_APART", 1)
+    assert len(result(*(shared(t) for t in (0, 20, 40)))) == 3
+    assert len(result(*(cut_short(t, t) for t in (0, 20, 40)))) == 3
+
+
 def cut_short(t: float, frame: int, node: int = 10) -> Occurrence:
     values = {"frames": 1, "bytes": 7, "why": "", "cause": ""}
     return Occurrence("TRF-006", round(t * SECOND), 0, node, "RawCommand", (frame,), values)
