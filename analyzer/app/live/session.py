@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from analyzer.app.judged import JudgedRun
 from analyzer.app.live.source import LiveSource
+from analyzer.app.process.mapped import return_files
 from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
@@ -104,6 +105,7 @@ class LiveSession:
 
     def run(self) -> None:
         """Run until the capture loop has ended and everything is judged."""
+        return_files()
         for batch in self._run.batches():
             self._judge(batch)
 

@@ -53,6 +53,11 @@ def alone() -> None:
     atexit.register(gc.freeze)
 
 
+def is_alone() -> bool:
+    """Return whether nobody else uses this process."""
+    return _ours
+
+
 def keep_memory(arenas: int = _ARENAS) -> None:
     """Keep what is freed for what is needed next, where nobody else uses the process.
 
