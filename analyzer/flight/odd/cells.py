@@ -35,56 +35,61 @@ class EscCells:
         self.plot, self.key = plot, key
         self.ch: int | None = None
         self._native = _native.MotorSums(_limits(plot))
-        self._read: tuple[Array, ...] | None = None
+        self._bins: tuple[Array, Array] | None = None
+        self._slots: tuple[Array, Array, Array] | None = None
 
     def feed(self, some: EscReports, start: int, width: int) -> None:
         """Add the next reports, in slots of `width` ns from `start` on."""
-        self._read = None
+        self._bins = self._slots = None
         self._native.feed(some.rows, some.part.start, some.part.stop, start, width)
 
     def halve(self) -> None:
         """Make one slot of two."""
-        self._read = None
+        self._bins = self._slots = None
         self._native.halve()
 
     @property
     def count(self) -> Array:
         """How many reports there are of each kind, by slot and bin."""
-        return self._sums[0]
+        return self._binned()[0]
 
     @property
     def total(self) -> Array:
         """Their sums, in parts of `ONE`."""
-        return self._sums[1]
+        return self._binned()[1]
 
     @property
     def first(self) -> Array:
         """The recorded time and the time of the first report of each slot, `NEVER` for none."""
-        return self._sums[4]
+        return self._by_slot()[2]
 
     def mean(self, name: str) -> tuple[Array, Array]:
         """Return how many reports each slot has of something in `MEASURED`, and their mean, NaN of none."""
-        count, total = self._sums[2][MEASURED.index(name)]
+        count, total = self._by_slot()[0][MEASURED.index(name)]
         with np.errstate(divide="ignore", invalid="ignore"):
             found: Array = np.where(count > 0, total / count / ONE, np.nan)
         return count, found
 
     def numbers(self, name: str) -> Array:
         """Return something in `COUNTED`, by slot."""
-        found: Array = self._sums[3][COUNTED.index(name)]
+        found: Array = self._by_slot()[1][COUNTED.index(name)]
         return found
 
-    @property
-    def _sums(self) -> tuple[Array, ...]:
-        if self._read is None:
-            count, total, measured, counted, first = self._native.sums()
-            self._read = (
-                *(cells(one, np.float64).reshape(-1, SLOTS, BINS) for one in (count, total)),
+    def _binned(self) -> tuple[Array, Array]:
+        if self._bins is None:
+            count, total = (cells(one, np.float64).reshape(-1, SLOTS, BINS) for one in self._native.bins())
+            self._bins = count, total
+        return self._bins
+
+    def _by_slot(self) -> tuple[Array, Array, Array]:
+        if self._slots is None:
+            measured, counted, first = self._native.slots()
+            self._slots = (
                 cells(measured, np.float64).reshape(len(MEASURED), 2, SLOTS),
                 cells(counted, np.float64).reshape(len(COUNTED), SLOTS),
                 cells(first, np.int64).reshape(2, SLOTS),
             )
-        return self._read
+        return self._slots
 
 
 def _limits(plot: Plot) -> Mapping[str, float]:

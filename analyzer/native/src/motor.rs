@@ -3,6 +3,7 @@
 //! What a report is compared with depends on the reports before it alone, however they come in pieces.
 #![forbid(unsafe_code)]
 
+mod binned;
 mod log;
 mod orders;
 mod past;

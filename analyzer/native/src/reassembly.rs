@@ -5,20 +5,20 @@
 #![forbid(unsafe_code)]
 
 mod columns;
+mod early;
 mod nameless;
 mod run;
 mod settling;
 
-use std::collections::HashMap;
-
 use crate::frames::{room_like, NO_TIME};
-use crate::session::{Candidates, Known, Session};
+use crate::session::{Candidates, Known, Resolved, Session};
 use crate::sessions::Index;
 use crate::slot::Frame;
 use crate::transfers::{Staged, Transfers};
 use crate::trust::Probation;
 use crate::verdict::{frame_anomaly, Outcome, Verdict, VERDICTS};
 use crate::wire::{crc_start, session_bits, Id};
+use early::Early;
 
 /// Open transfers are looked over for the timeout this often, in capture time.
 const SWEEP_NS: i64 = 500_000_000;
@@ -59,9 +59,31 @@ pub struct Results {
 
 /// Whether a session speaks DroneCAN.
 enum Standing {
-    Trusted,
+    Trusted(Box<Session>),
     Foreign,
-    Probation(Box<Probation>),
+    /// On probation, as long as few frames have come.
+    Early(Early),
+    Probation(Box<Trial>),
+}
+
+/// A session on probation.
+struct Trial {
+    probation: Probation,
+    session: Session,
+}
+
+/// A session that was opened.
+struct Place {
+    bus: u8,
+    /// What [`session_bits`] or [`crate::wire::nameless_bits`] say of it.
+    bits: u32,
+    standing: Standing,
+}
+
+impl Place {
+    fn id(&self) -> Id {
+        Id::of_session(self.bits)
+    }
 }
 
 pub struct Reassembler {
@@ -70,9 +92,9 @@ pub struct Reassembler {
     asked: Option<Asked>,
     /// Known types in the order in which they occurred.
     types: Vec<TypeName>,
-    resolved: HashMap<(bool, u16), Candidates>,
+    resolved: Resolved,
     index: Index,
-    sessions: Vec<(Standing, Session)>,
+    sessions: Vec<Place>,
     /// Which (bus, node) have sent DroneCAN.
     speakers: Vec<bool>,
     results: Results,
@@ -95,7 +117,7 @@ impl Reassembler {
             resolve,
             asked: None,
             types: vec![],
-            resolved: HashMap::new(),
+            resolved: Resolved::default(),
             index: Index::default(),
             sessions: vec![],
             speakers: vec![false; 256 * SPEAKERS],
@@ -164,29 +186,31 @@ impl Reassembler {
         let Some(at) = found.or_else(|| self.open_session(bus, bits)) else {
             return Outcome::with(Verdict::Foreign, frame_anomaly::LIMIT);
         };
-        let (standing, session) = &mut self.sessions[at];
-        match standing {
-            Standing::Trusted if !remote => session.accept(frame, &mut self.staged),
-            Standing::Trusted => REMOTE_FRAME,
+        match &mut self.sessions[at].standing {
+            Standing::Trusted(session) if !remote => session.accept(frame, &mut self.staged),
+            Standing::Trusted(_) => REMOTE_FRAME,
             Standing::Foreign => Outcome::FOREIGN,
-            Standing::Probation(_) => self.probe(at, frame, remote),
+            Standing::Early(_) | Standing::Probation(_) => self.probe(at, frame, remote),
         }
     }
 
     #[cold]
     fn open_session(&mut self, bus: u8, bits: u32) -> Option<usize> {
-        let id = Id::of_session(bits);
-        let known = self.known(id);
         let at = self.index.insert(key(bus, bits))?;
-        let probation = Standing::Probation(Box::default());
-        self.sessions.push((probation, Session::new(id, bus, known)));
+        let standing = Standing::Early(Early::default());
+        self.sessions.push(Place { bus, bits, standing });
         Some(at)
+    }
+
+    fn session(&mut self, bus: u8, bits: u32) -> Session {
+        let id = Id::of_session(bits);
+        Session::new(id, bus, self.known(id))
     }
 
     fn known(&mut self, id: Id) -> Candidates {
         let (service, type_id) = (id.kind.is_service(), id.type_id);
-        if let Some(known) = self.resolved.get(&(service, type_id)) {
-            return known.clone();
+        if let Some(known) = self.resolved.get(service, type_id) {
+            return known;
         }
         let types = &mut self.types;
         let add = |(variant, signature)| {
@@ -196,9 +220,8 @@ impl Reassembler {
                 crc_start: crc_start(signature),
             }
         };
-        let known: Candidates = (0..=u8::MAX).zip((self.resolve)(service, type_id)).map(add).collect();
-        self.resolved.insert((service, type_id), known.clone());
-        known
+        let known = (0..=u8::MAX).zip((self.resolve)(service, type_id)).map(add).collect();
+        self.resolved.insert(service, type_id, known)
     }
 }
 

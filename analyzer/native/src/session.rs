@@ -1,6 +1,7 @@
 //! One session: the transfers of one (bus, kind, type, source, destination), one slot a transfer ID.
 #![forbid(unsafe_code)]
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::slot::Slot;
@@ -11,6 +12,8 @@ use crate::wire::Id;
 /// an ID that is repeated after a pause counts as 31 lost transfers (8 does so in a test); too many, and a round of which
 /// the recorder saw little counts as an ID that stands still (24 does).
 const MANY: i64 = 16;
+/// Data type IDs of 16 bits, of services and of messages.
+const TYPES: usize = 2 << 16;
 
 /// What the core knows of a data type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +26,51 @@ pub struct Known {
 
 /// The types that share a data type ID, the preferred one first; only a CRC can tell them apart.
 pub type Candidates = Arc<[Known]>;
+
+/// The data types that somebody was asked for: what is known of each, by (is a service, data type ID).
+pub struct Resolved {
+    known: HashMap<(bool, u16), Candidates>,
+    /// A bit each for those of which nothing is known, as of most in noise.
+    unknown: Vec<u64>,
+    nothing: Candidates,
+}
+
+impl Default for Resolved {
+    fn default() -> Self {
+        Resolved {
+            known: HashMap::new(),
+            unknown: vec![0; TYPES / 64],
+            nothing: Candidates::default(),
+        }
+    }
+}
+
+impl Resolved {
+    /// None for one that nobody was asked for.
+    pub fn get(&self, service: bool, type_id: u16) -> Option<Candidates> {
+        let (word, bit) = place(service, type_id);
+        if self.unknown[word] & bit != 0 {
+            return Some(Arc::clone(&self.nothing));
+        }
+        self.known.get(&(service, type_id)).cloned()
+    }
+
+    pub fn insert(&mut self, service: bool, type_id: u16, known: Vec<Known>) -> Candidates {
+        if known.is_empty() {
+            let (word, bit) = place(service, type_id);
+            self.unknown[word] |= bit;
+            return Arc::clone(&self.nothing);
+        }
+        let known = Candidates::from(known);
+        self.known.insert((service, type_id), Arc::clone(&known));
+        known
+    }
+}
+
+fn place(service: bool, type_id: u16) -> (usize, u64) {
+    let at = usize::from(service) << 16 | usize::from(type_id);
+    (at / 64, 1 << (at % 64))
+}
 
 #[derive(Debug)]
 pub struct Session {

@@ -1,8 +1,10 @@
 //! The second table: one row a DroneCAN transfer, with everything measured about it.
 #![forbid(unsafe_code)]
 
+mod kept;
 mod staged;
 
+pub use kept::KeptRow;
 pub use staged::{Staged, SHORT_FRAMES, SHORT_PAYLOAD};
 
 use crate::frames::room_like;
@@ -265,12 +267,6 @@ impl Transfers {
             }
         }
         rows
-    }
-}
-
-impl Sink for Option<Box<Transfers>> {
-    fn push(&mut self, row: &Row<'_>) {
-        self.get_or_insert_default().push(row);
     }
 }
 

@@ -13,7 +13,7 @@
 use crate::cadence::Cadence;
 use crate::session::Session;
 use crate::slot::Frame;
-use crate::transfers::{Status, Transfers};
+use crate::transfers::{KeptRow, Row, Status};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::{crc_start_from, Kind};
 
@@ -90,17 +90,13 @@ impl Kept {
     }
 }
 
-/// A row of some transfers.
-type Transfer<'t> = (&'t Transfers, usize);
-
 /// The evidence about one session.
 #[derive(Debug, Default)]
 pub struct Probation {
     pub held: Vec<Held>,
     /// All that came, if it may be anonymous after all.
     pub kept: Vec<Kept>,
-    /// None before the first one: a bus full of noise opens a session with nearly every frame.
-    pub transfers: Option<Box<Transfers>>,
+    pub transfers: Vec<KeptRow>,
     cadence: Cadence,
     /// A known type that once was foreign has to bring a real proof.
     strict: bool,
@@ -150,11 +146,10 @@ impl Probation {
     }
 
     pub fn judge(&mut self, session: &Session, source_is_known: bool) -> Judgement {
-        let transfers = self.transfers.as_ref().map_or(0, |rows| rows.len());
-        if transfers > self.seen && self.proven(session, source_is_known) {
+        if self.transfers.len() > self.seen && self.proven(session, source_is_known) {
             return Judgement::Believe;
         }
-        self.seen = transfers;
+        self.wait();
         let counts = session.is_known() && session.id.kind != Kind::Anonymous;
         if counts && self.cadence.proves(source_is_known) {
             return Judgement::Believe;
@@ -171,6 +166,11 @@ impl Probation {
         } else {
             Judgement::Wait
         }
+    }
+
+    /// Whatever came so far is no proof.
+    pub fn wait(&mut self) {
+        self.seen = self.transfers.len();
     }
 
     /// The capture ends without a proof.
@@ -203,7 +203,7 @@ impl Probation {
     }
 
     fn proven(&self, session: &Session, source_is_known: bool) -> bool {
-        let checked = |(rows, row): Transfer<'_>| rows.status[row] == Status::Ok as u8 && rows.crc_valid[row] == 3;
+        let checked = |row: Row<'_>| row.status == Status::Ok && row.crc_wire.is_some() && row.crc_here.is_some();
         if self.complete().any(checked) {
             return true;
         }
@@ -235,24 +235,20 @@ impl Probation {
         }
     }
 
-    fn complete(&self) -> impl Iterator<Item = Transfer<'_>> {
-        let whole = [Status::Ok as u8, Status::Unchecked as u8, Status::BadCrc as u8];
-        let all = self.transfers.as_deref().into_iter();
-        let all = all.flat_map(|rows| (0..rows.len()).map(move |row| (rows, row)));
-        all.filter(move |&(rows, row)| {
-            let toggled = rows.anomaly[row] & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
-            whole.contains(&rows.status[row]) && !toggled
-        })
+    fn complete(&self) -> impl Iterator<Item = Row<'_>> {
+        let whole = |row: &Row<'_>| matches!(row.status, Status::Ok | Status::Unchecked | Status::BadCrc);
+        let toggled = |row: &Row<'_>| row.anomaly & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
+        let rows = self.transfers.iter().map(KeptRow::row);
+        rows.filter(move |row| whole(row) && !toggled(row))
     }
 
     fn rising_run(&self) -> bool {
         let mut run = 0;
         let mut next = None;
-        for (rows, row) in self.complete() {
-            let id = rows.transfer_id[row];
-            run = if next == Some(id) { run + 1 } else { 1 };
-            next = Some((id + 1) & 31);
-            if run >= RUN && rows.kind[row] != Kind::Anonymous as u8 {
+        for row in self.complete() {
+            run = if next == Some(row.transfer_id) { run + 1 } else { 1 };
+            next = Some((row.transfer_id + 1) & 31);
+            if run >= RUN && row.id.kind != Kind::Anonymous {
                 return true;
             }
         }
@@ -261,8 +257,8 @@ impl Probation {
 
     /// Two multi-frame transfers of an unknown type whose CRCs run back to one start value.
     fn one_start_value(&self) -> bool {
-        let multi = self.complete().filter(|&(rows, row)| rows.crc_valid[row] == 1);
-        let mut starts = multi.map(|(rows, row)| crc_start_from(rows.crc_wire[row], rows.payload_of(row)));
+        let multi = self.complete().filter(|row| row.crc_here.is_none());
+        let mut starts = multi.filter_map(|row| Some(crc_start_from(row.crc_wire?, row.payload)));
         let Some(mut last) = starts.next() else {
             return false;
         };

@@ -1,7 +1,11 @@
 //! The frames of a batch by session, for those who ask for many.
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+pub mod owned;
+
 use std::collections::HashMap;
+use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -14,22 +18,28 @@ pub const SESSION: u32 = 0xFF_FFFF;
 const EXTENDED: u16 = 1;
 const KINDS: u16 = 7;
 
-/// Columns of a batch of frames; `first` is the number of the first one.
-#[derive(Debug, Default)]
-pub struct Columns {
-    pub first: u64,
-    pub t: Vec<i64>,
-    pub bus: Vec<u8>,
-    pub id: Vec<u32>,
-    pub flags: Vec<u16>,
-    pub offsets: Vec<i32>,
-    pub data: Vec<u8>,
+/// Columns of a batch of frames.
+#[derive(Clone, Copy, Debug)]
+pub struct Columns<'a> {
+    pub t: &'a [i64],
+    pub bus: &'a [u8],
+    pub id: &'a [u32],
+    pub flags: &'a [u16],
+    pub offsets: &'a [i32],
+    pub data: &'a [u8],
 }
 
-/// These, and their rows in the order of sessions, once somebody asks.
+/// What has them, and never changes.
+pub trait Hold: Debug + Send + Sync {
+    fn columns(&self) -> Columns<'_>;
+}
+
+/// A batch of frames, and its rows in the order of sessions, once somebody asks.
 #[derive(Debug)]
 pub struct Index {
-    columns: Columns,
+    first: u64,
+    rows: usize,
+    held: Box<dyn Hold>,
     sessions: OnceLock<Sessions>,
 }
 
@@ -41,8 +51,9 @@ struct Sessions {
 }
 
 impl Index {
-    /// None if the columns do not fit together.
-    pub fn new(columns: Columns) -> Option<Self> {
+    /// Of a batch whose first frame has the number `first`; None if its columns do not fit together.
+    pub fn new(first: u64, held: Box<dyn Hold>) -> Option<Self> {
+        let columns = held.columns();
         let rows = columns.t.len();
         let same = [columns.bus.len(), columns.id.len(), columns.flags.len()] == [rows; 3];
         let whole = columns.offsets.len() == rows + 1
@@ -56,15 +67,17 @@ impl Index {
             return None;
         }
         Some(Index {
-            columns,
+            first,
+            rows,
+            held,
             sessions: OnceLock::new(),
         })
     }
 
     /// The cells of a frame as a line of candump has them; None for one that is not there.
     pub fn frame<'a>(&'a self, number: u64, buses: &'a [String]) -> Option<Frame<'a>> {
-        let row = usize::try_from(number.checked_sub(self.columns.first)?).ok()?;
-        let columns = &self.columns;
+        let row = usize::try_from(number.checked_sub(self.first)?).ok()?;
+        let columns = self.held.columns();
         Some(Frame {
             t: *columns.t.get(row)?,
             bus: buses.get(usize::from(columns.bus[row]))?,
@@ -76,12 +89,12 @@ impl Index {
 
     /// The numbers of its frames.
     pub fn range(&self) -> Range<u64> {
-        self.columns.first..self.columns.first + self.columns.t.len() as u64
+        self.first..self.first + self.rows as u64
     }
 
     /// Rows of a session, in order.
     fn rows(&self, key: u32) -> &[u32] {
-        let sessions = self.sessions.get_or_init(|| Sessions::of(&self.columns));
+        let sessions = self.sessions.get_or_init(|| Sessions::of(self.held.columns()));
         let place = sessions.places.get(&key);
         place.map_or(&[], |place| &sessions.order[place.start as usize..place.end as usize])
     }
@@ -95,8 +108,8 @@ impl Index {
     /// Rows of a session with numbers in a range, whatever they are.
     pub fn between(&self, key: u32, range: &Range<u64>) -> &[u32] {
         let rows = self.rows(key);
-        let begin = rows.partition_point(|&row| self.columns.first + u64::from(row) < range.start);
-        let end = rows.partition_point(|&row| self.columns.first + u64::from(row) < range.end);
+        let begin = rows.partition_point(|&row| self.first + u64::from(row) < range.start);
+        let end = rows.partition_point(|&row| self.first + u64::from(row) < range.end);
         &rows[begin..end.max(begin)]
     }
 
@@ -108,24 +121,29 @@ impl Index {
 
     /// The frame in a row, None without a tail byte.
     fn part(&self, row: usize) -> Option<Part<'_>> {
-        let columns = &self.columns;
+        let columns = self.held.columns();
         let data = &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize];
         let (&tail, body) = data.split_last()?;
         Some(Part {
-            number: columns.first + row as u64,
+            number: self.first + row as u64,
             tail,
             body,
             t: columns.t[row],
         })
     }
 
+    fn key(&self, row: usize) -> u32 {
+        let columns = self.held.columns();
+        key(columns.bus[row], columns.id[row])
+    }
+
     fn is_plain(&self, row: usize) -> bool {
-        self.columns.flags[row] & KINDS == EXTENDED
+        self.held.columns().flags[row] & KINDS == EXTENDED
     }
 }
 
 impl Sessions {
-    fn of(columns: &Columns) -> Self {
+    fn of(columns: Columns<'_>) -> Self {
         let rows = columns.t.len();
         let mut groups: HashMap<u32, u32> = HashMap::new();
         let mut counts: Vec<u32> = vec![];
@@ -176,7 +194,7 @@ impl<'a> Frames<'a> {
     fn find(&self, number: u64) -> Option<(&'a Index, usize)> {
         let at = self.0.partition_point(|index| index.range().end <= number);
         let index = *self.0.get(at)?;
-        let row = number.checked_sub(index.columns.first)?;
+        let row = number.checked_sub(index.first)?;
         Some((index, row as usize))
     }
 
@@ -187,7 +205,7 @@ impl<'a> Frames<'a> {
 
     pub fn session(&self, number: u64) -> Option<u32> {
         let (index, row) = self.find(number)?;
-        Some(key(index.columns.bus[row], index.columns.id[row]))
+        Some(index.key(row))
     }
 
     /// Adds the data frames of a session among some frames to `found`: the first or the `last` of them, at most so many,

@@ -43,7 +43,7 @@ pub fn meant_before(frames: Frames<'_>, number: u64, known: &Known) -> Option<u8
 
 #[cfg(test)]
 mod tests {
-    use super::super::index::{Columns, Frames, Index};
+    use super::super::index::{owned::Owned, Frames, Index};
     use super::super::{ended, Known, Part, END, START, TOGGLE};
     use super::{meant, meant_before, NEAR};
 
@@ -52,7 +52,7 @@ mod tests {
 
     /// Frames of a bus, from 0.
     #[derive(Default)]
-    struct Bus(Columns);
+    struct Bus(Owned);
 
     impl Bus {
         fn send(&mut self, id: u32, tail: u8, body: &[u8]) {
@@ -87,7 +87,7 @@ mod tests {
         }
 
         fn ask<T>(self, question: impl FnOnce(Frames<'_>, &Known) -> T) -> T {
-            let index = Index::new(self.0).expect("columns fit");
+            let index = Index::new(0, Box::new(self.0)).expect("columns fit");
             let known = Known {
                 starts: vec![0, 0xFFFF],
                 size: None,

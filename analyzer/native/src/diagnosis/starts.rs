@@ -98,15 +98,14 @@ impl Starts {
 
 #[cfg(test)]
 mod tests {
-    use super::super::index::Columns;
+    use super::super::index::owned::Owned;
     use super::*;
 
     const SESSION: u32 = 0x1F_0155;
 
     fn index(first: u64, tails: &[u8]) -> Index {
         let rows = tails.len();
-        let columns = Columns {
-            first,
+        let columns = Owned {
             t: (0..rows as i64).collect(),
             bus: vec![0; rows],
             id: vec![SESSION; rows],
@@ -114,7 +113,7 @@ mod tests {
             offsets: (0..=rows as i32).collect(),
             data: tails.to_vec(),
         };
-        Index::new(columns).unwrap()
+        Index::new(first, Box::new(columns)).unwrap()
     }
 
     fn odd(parts: &[&[u8]]) -> Vec<(u64, u8, u8, bool)> {

@@ -1,6 +1,7 @@
 //! What one ESC reports as sums by time and bin: whole numbers, so that any cut of a capture gives the same.
 #![forbid(unsafe_code)]
 
+use super::binned::Binned;
 use super::{Reports, NO_SUPPLY};
 
 /// Stretches of time; when they are full, two become one.
@@ -49,15 +50,12 @@ pub struct Times<'a> {
 }
 
 type Slots = [f64; SLOTS];
-type Bins = [f64; BINS];
-
 /// Follows one ESC. Bound: `SLOTS` by `BINS` sums of each kind.
 #[derive(Debug)]
 pub struct Sums {
     limits: SumLimits,
-    /// Numbers and sums by bin, for each slot of the first kind, then of the next.
-    pub count: Vec<Bins>,
-    pub total: Vec<Bins>,
+    /// Numbers and sums by bin.
+    pub binned: Binned,
     /// Numbers and sums by slot.
     pub measured: [[Slots; 2]; MEASURED],
     pub counted: [Slots; COUNTED],
@@ -90,8 +88,7 @@ impl Sums {
     pub fn new(limits: SumLimits) -> Self {
         Sums {
             limits,
-            count: vec![[0.0; BINS]; KINDS * SLOTS],
-            total: vec![[0.0; BINS]; KINDS * SLOTS],
+            binned: Binned::default(),
             measured: [[[0.0; SLOTS]; 2]; MEASURED],
             counted: [[0.0; SLOTS]; COUNTED],
             first: [[NEVER; SLOTS]; 2],
@@ -156,17 +153,7 @@ impl Sums {
 
     /// Makes one slot of two.
     pub fn halve(&mut self) {
-        for cells in [&mut self.count, &mut self.total]
-            .into_iter()
-            .flat_map(|all| all.chunks_mut(SLOTS))
-        {
-            for slot in 0..SLOTS {
-                cells[slot] = match 2 * slot {
-                    even if even < SLOTS => std::array::from_fn(|bin| cells[even][bin] + cells[even + 1][bin]),
-                    _ => [0.0; BINS],
-                };
-            }
-        }
+        self.binned.halve();
         for slots in self.measured.iter_mut().flatten().chain(&mut self.counted) {
             *slots = std::array::from_fn(|slot| match 2 * slot {
                 even if even < SLOTS => slots[even] + slots[even + 1],
@@ -238,24 +225,19 @@ impl Sums {
         if one.command > self.limits.steady_percent {
             let (bin, gained) = (place(one.command / COMMAND_BIN), one.speed / one.command);
             if supplied {
-                self.add(0, one.slot, bin, gained / one.volts);
+                self.binned.add(0, one.slot, bin, whole(gained / one.volts));
             }
-            self.add(1, one.slot, bin, gained);
+            self.binned.add(1, one.slot, bin, whole(gained));
         }
         if one.current > self.limits.least_a {
             let turns = if one.speed > 0.0 { one.speed } else { 1.0 };
             let bin = place((turns / SLOWEST).ln() / SPEED_BIN);
             let taken = one.current / (turns / 1000.0).powi(super::LAW);
             if supplied {
-                self.add(2, one.slot, bin, taken * one.volts);
+                self.binned.add(2, one.slot, bin, whole(taken * one.volts));
             }
-            self.add(3, one.slot, bin, taken);
+            self.binned.add(3, one.slot, bin, whole(taken));
         }
-    }
-
-    fn add(&mut self, kind: usize, slot: usize, bin: usize, value: f64) {
-        self.count[kind * SLOTS + slot][bin] += 1.0;
-        self.total[kind * SLOTS + slot][bin] += whole(value);
     }
 
     fn measure(&mut self, one: &One) {

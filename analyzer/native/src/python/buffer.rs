@@ -1,9 +1,12 @@
-//! Columns that Python looks at where they lie, by the buffer protocol: handed over without a copy.
+//! Columns that Python, or the core, looks at where they lie, by the buffer protocol: handed over without a copy.
 
 use std::ffi::c_int;
+use std::ops::Deref;
+use std::slice::from_raw_parts;
 use std::sync::Arc;
 
 use bytemuck::{cast_slice, try_cast_slice, Pod};
+use pyo3::buffer::{Element, PyBuffer};
 use pyo3::exceptions::PyValueError;
 use pyo3::ffi::{PyBuffer_FillInfo, Py_buffer};
 use pyo3::prelude::*;
@@ -73,6 +76,37 @@ impl Cells {
             Ok(())
         } else {
             Err(PyErr::fetch(slf.py()))
+        }
+    }
+}
+
+/// A column of Python: where it lies if nobody may write to it, else a copy.
+#[derive(Debug)]
+pub enum Lent<T: Element> {
+    Borrowed(PyBuffer<T>),
+    Copied(Vec<T>),
+}
+
+impl<T: Element> Lent<T> {
+    pub fn of(py: Python<'_>, column: PyBuffer<T>) -> PyResult<Self> {
+        if column.readonly() && column.is_c_contiguous() && column.item_count() > 0 {
+            Ok(Lent::Borrowed(column))
+        } else {
+            Ok(Lent::Copied(column.to_vec(py)?))
+        }
+    }
+}
+
+impl<T: Element> Deref for Lent<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match self {
+            // SAFETY: `of` has seen that the buffer has cells, one behind the other, of this type and aligned, as
+            // `PyBuffer` checks when it is made, and that it is read-only: a column of Arrow, which nobody changes. The
+            // cells stay as long as the buffer is held.
+            Lent::Borrowed(column) => unsafe { from_raw_parts(column.buf_ptr().cast(), column.item_count()) },
+            Lent::Copied(column) => column,
         }
     }
 }

@@ -4,9 +4,9 @@ use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::buffer::Cells;
+use super::buffer::{Cells, Lent};
 use crate::diagnosis::counters::{Counters, Gaps};
-use crate::diagnosis::index::{key, Columns, Frames, Index};
+use crate::diagnosis::index::{key, Columns, Frames, Hold, Index};
 use crate::diagnosis::interleaved::Chain;
 use crate::diagnosis::misnumbered::{meant, meant_before};
 use crate::diagnosis::questions::{ask, Found, Question};
@@ -24,6 +24,30 @@ const QUESTIONS: [Question; 5] = [
 
 type Column<'py> = Bound<'py, Cells>;
 
+/// Columns of the table of frames, where they lie.
+#[derive(Debug)]
+struct FrameColumns {
+    t: Lent<i64>,
+    bus: Lent<u8>,
+    id: Lent<u32>,
+    flags: Lent<u16>,
+    offsets: Lent<i32>,
+    data: Lent<u8>,
+}
+
+impl Hold for FrameColumns {
+    fn columns(&self) -> Columns<'_> {
+        Columns {
+            t: &self.t,
+            bus: &self.bus,
+            id: &self.id,
+            flags: &self.flags,
+            offsets: &self.offsets,
+            data: &self.data,
+        }
+    }
+}
+
 /// The frames of a batch in the order of their sessions.
 #[pyclass(frozen)]
 pub struct FrameIndex(Index);
@@ -32,7 +56,7 @@ pub struct FrameIndex(Index);
 impl FrameIndex {
     /// Takes columns of the table of frames; `offsets` say where the data field of each begins, one more than rows.
     #[new]
-    #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)] // columns, as Python hands them over
+    #[allow(clippy::too_many_arguments)] // columns, as Python hands them over
     fn new(
         py: Python<'_>,
         first: u64,
@@ -43,16 +67,15 @@ impl FrameIndex {
         offsets: PyBuffer<i32>,
         data: PyBuffer<u8>,
     ) -> PyResult<Self> {
-        let columns = Columns {
-            first,
-            t: t.to_vec(py)?,
-            bus: bus.to_vec(py)?,
-            id: id.to_vec(py)?,
-            flags: flags.to_vec(py)?,
-            offsets: offsets.to_vec(py)?,
-            data: data.to_vec(py)?,
+        let columns = FrameColumns {
+            t: Lent::of(py, t)?,
+            bus: Lent::of(py, bus)?,
+            id: Lent::of(py, id)?,
+            flags: Lent::of(py, flags)?,
+            offsets: Lent::of(py, offsets)?,
+            data: Lent::of(py, data)?,
         };
-        let index = py.detach(|| Index::new(columns));
+        let index = py.detach(|| Index::new(first, Box::new(columns)));
         index
             .map(FrameIndex)
             .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))

@@ -133,9 +133,6 @@ pub struct GivenSums {
     late_periods: f64,
 }
 
-/// Numbers and sums by kind, slot and bin; both by slot; counts by slot; times of the first report of each slot.
-type Summed<'py> = (Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>);
-
 /// Adds up the reports of one ESC.
 #[pyclass]
 pub struct MotorSums(Sums);
@@ -184,12 +181,16 @@ impl MotorSums {
         self.0.halve();
     }
 
-    /// The sums so far.
-    fn sums<'py>(&self, py: Python<'py>) -> PyResult<Summed<'py>> {
+    /// Numbers and sums by kind, slot and bin.
+    fn bins<'py>(&self, py: Python<'py>) -> PyResult<(Column<'py>, Column<'py>)> {
+        let [count, total] = [self.0.binned.count(), self.0.binned.total()].map(Vec::into_flattened);
+        Ok((Cells::own(py, count)?, Cells::own(py, total)?))
+    }
+
+    /// Numbers and sums by slot, counts by slot, times of the first report of each slot.
+    fn slots<'py>(&self, py: Python<'py>) -> PyResult<(Column<'py>, Column<'py>, Column<'py>)> {
         let sums = &self.0;
         Ok((
-            Cells::own(py, sums.count.as_flattened().to_vec())?,
-            Cells::own(py, sums.total.as_flattened().to_vec())?,
             Cells::own(py, sums.measured.as_flattened().as_flattened().to_vec())?,
             Cells::own(py, sums.counted.as_flattened().to_vec())?,
             Cells::own(py, sums.first.as_flattened().to_vec())?,

@@ -28,7 +28,7 @@ impl Reassembler {
 
     fn trusts(&self, bus: u8, bits: u32) -> bool {
         let found = self.index.find(key(bus, bits));
-        found.is_some_and(|at| matches!(self.sessions[at].0, Standing::Trusted))
+        found.is_some_and(|at| matches!(self.sessions[at].standing, Standing::Trusted(_)))
     }
 
     /// Hears frames that a session has held as foreign where they belong then.
@@ -44,7 +44,7 @@ impl Reassembler {
 
     /// Hears a frame of a session that is no sender as one of the anonymous.
     pub(super) fn hear_again(&mut self, at: usize, kept: &Kept) -> Outcome {
-        let (bus, frame) = (self.sessions[at].1.bus, kept.frame());
+        let (bus, frame) = (self.sessions[at].bus, kept.frame());
         self.follow(bus, session_bits(frame.id), &frame, kept.remote)
     }
 }

@@ -64,7 +64,7 @@ impl Reassembler {
             let found = index
                 .find(key(bus, session_bits(word.id)))
                 .and_then(|at| sessions.get_mut(at));
-            let Some((Standing::Trusted, session)) = found else {
+            let Some(Standing::Trusted(session)) = found.map(|place| &mut place.standing) else {
                 break;
             };
             let rest = rows
@@ -137,11 +137,12 @@ impl Reassembler {
     fn sweep(&mut self, t: i64) {
         self.next_sweep = t.saturating_add(SWEEP_NS);
         self.since_sweep = 0;
-        for (standing, session) in &mut self.sessions {
-            match standing {
-                Standing::Trusted => session.expire(t, &mut self.staged),
+        for place in &mut self.sessions {
+            match &mut place.standing {
+                Standing::Trusted(session) => session.expire(t, &mut self.staged),
                 Standing::Foreign => {}
-                Standing::Probation(probation) => session.expire(t, &mut probation.transfers),
+                Standing::Early(early) => early.expire(t),
+                Standing::Probation(trial) => trial.session.expire(t, &mut trial.probation.transfers),
             }
         }
     }

@@ -1,9 +1,10 @@
 //! Whose traffic a session is turns out: what it held back is handed on, or is foreign. See [`crate::trust`].
 #![forbid(unsafe_code)]
 
-use super::{Reassembler, Standing, MAX_HELD, NOBODY, REMOTE_FRAME, SPEAKERS};
+use super::{Reassembler, Standing, Trial, MAX_HELD, NOBODY, REMOTE_FRAME, SPEAKERS};
 use crate::session::Session;
 use crate::slot::Frame;
+use crate::transfers::Sink as _;
 use crate::trust::{Judgement, Kept, Probation};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::Kind;
@@ -14,7 +15,7 @@ impl Reassembler {
         // What turns out to be anonymous after all is heard before the last word on the anonymous.
         for nameless in [true, false] {
             for at in 0..self.sessions.len() {
-                if self.sessions[at].1.id.is_nameless() == nameless {
+                if self.sessions[at].id().is_nameless() == nameless {
                     self.close(at);
                 }
             }
@@ -23,11 +24,12 @@ impl Reassembler {
 
     fn close(&mut self, at: usize) {
         let speaks = self.speakers[self.speaker(at)];
-        let (standing, session) = &mut self.sessions[at];
-        match standing {
-            Standing::Trusted => session.finish(self.now, &mut self.staged),
-            Standing::Foreign => {}
-            Standing::Probation(probation) => {
+        self.rouse(at);
+        match &mut self.sessions[at].standing {
+            Standing::Trusted(session) => session.finish(self.now, &mut self.staged),
+            Standing::Foreign | Standing::Early(_) => {}
+            Standing::Probation(trial) => {
+                let Trial { probation, session } = &mut **trial;
                 session.finish(self.now, &mut probation.transfers);
                 let judgement = probation.last_word(session, speaks);
                 let note = probation.note_of_refusal();
@@ -48,21 +50,13 @@ impl Reassembler {
     #[cold]
     pub(super) fn probe(&mut self, at: usize, frame: &Frame<'_>, remote: bool) -> Outcome {
         let speaks = self.speakers[self.speaker(at)];
-        let (standing, session) = &mut self.sessions[at];
-        let Standing::Probation(probation) = standing else {
+        let early = self.rouse(at);
+        let standing = &mut self.sessions[at].standing;
+        let Standing::Probation(trial) = standing else {
             return Outcome::FOREIGN;
         };
-        let outcome = if remote {
-            REMOTE_FRAME
-        } else {
-            session.accept(frame, &mut probation.transfers)
-        };
-        let tail = if remote { None } else { frame.data.last().copied() };
-        let nameless = session.id.is_nameless();
-        if nameless {
-            probation.kept.push(Kept::of(frame, remote));
-        }
-        let reported = probation.note(frame.number, outcome, tail, session.is_known() && !nameless);
+        let (outcome, reported) = trial.hear(frame, remote);
+        let Trial { probation, session } = &mut **trial;
         let mut judgement = probation.judge(session, speaks);
         self.held += 1;
         let full = self.held > MAX_HELD && judgement == Judgement::Wait;
@@ -70,6 +64,9 @@ impl Reassembler {
             judgement = Judgement::Foreign;
         }
         if judgement == Judgement::Wait {
+            if let Some(early) = early.and_then(|early| early.and(frame, remote)) {
+                *standing = Standing::Early(early);
+            }
             return Outcome {
                 verdict: reported,
                 anomaly: if reported == outcome.verdict {
@@ -99,30 +96,33 @@ impl Reassembler {
     fn settle(&mut self, at: usize, judgement: Judgement) {
         let believed = judgement == Judgement::Believe;
         let speaker = self.speaker(at);
-        let (standing, session) = &mut self.sessions[at];
-        let Standing::Probation(probation) = std::mem::replace(standing, Standing::Foreign) else {
+        let standing = &mut self.sessions[at].standing;
+        let Standing::Probation(trial) = std::mem::replace(standing, Standing::Foreign) else {
             return;
         };
+        let Trial { probation, mut session } = *trial;
         if believed {
             self.speakers[speaker] = true;
-            *standing = Standing::Trusted;
-            if let (Some(asked), Some(_)) = (&mut self.asked, &probation.transfers) {
+            if let (Some(asked), false) = (&mut self.asked, probation.transfers.is_empty()) {
                 session.asked = asked(session.id);
             }
-        } else {
-            if session.is_known() {
-                // It may still turn up where another protocol used its identifier before.
-                *standing = Standing::Probation(Box::new(Probation::strict(&probation)));
-            }
-            *session = Session::new(session.id, session.bus, session.known.clone());
+            *standing = Standing::Trusted(Box::new(session));
+        } else if session.is_known() {
+            // It may still turn up where another protocol used its identifier before.
+            *standing = Standing::Probation(Box::new(Trial {
+                probation: Probation::strict(&probation),
+                session: Session::new(session.id, session.bus, session.known),
+            }));
         }
         self.held -= probation.held.len();
         for held in &probation.held {
             let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
             self.correct(held.frame, held.reported, outcome);
         }
-        if let (true, Some(transfers)) = (believed, probation.transfers) {
-            self.staged.rows().append(*transfers);
+        if believed {
+            for kept in &probation.transfers {
+                self.staged.push(&kept.row());
+            }
         }
     }
 
@@ -150,12 +150,32 @@ impl Reassembler {
 
     /// Place of the session's source node in `speakers`; of an anonymous one that of nobody.
     fn speaker(&self, at: usize) -> usize {
-        let session = &self.sessions[at].1;
-        let node = match session.id.kind {
+        let place = &self.sessions[at];
+        let id = place.id();
+        let node = match id.kind {
             Kind::Anonymous => NOBODY,
-            _ if session.id.src == 0 => session.id.dst,
-            _ => session.id.src,
+            _ if id.src == 0 => id.dst,
+            _ => id.src,
         };
-        usize::from(session.bus) * SPEAKERS + usize::from(node)
+        usize::from(place.bus) * SPEAKERS + usize::from(node)
+    }
+}
+
+impl Trial {
+    /// Takes one more frame; what became of it, and the verdict to report for now.
+    pub(super) fn hear(&mut self, frame: &Frame<'_>, remote: bool) -> (Outcome, Verdict) {
+        let Trial { probation, session } = self;
+        let outcome = if remote {
+            REMOTE_FRAME
+        } else {
+            session.accept(frame, &mut probation.transfers)
+        };
+        let tail = if remote { None } else { frame.data.last().copied() };
+        let nameless = session.id.is_nameless();
+        if nameless {
+            probation.kept.push(Kept::of(frame, remote));
+        }
+        let reported = probation.note(frame.number, outcome, tail, session.is_known() && !nameless);
+        (outcome, reported)
     }
 }

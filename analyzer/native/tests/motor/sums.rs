@@ -74,15 +74,15 @@ impl Log {
 }
 
 fn same(one: &Sums, other: &Sums) {
-    assert_eq!(one.count, other.count);
-    assert_eq!(one.total, other.total);
+    assert_eq!(one.binned.count(), other.binned.count());
+    assert_eq!(one.binned.total(), other.binned.total());
     assert_eq!(one.measured, other.measured);
     assert_eq!(one.counted, other.counted);
     assert_eq!(one.first, other.first);
 }
 
 fn kinds(sums: &Sums) -> [f64; KINDS] {
-    std::array::from_fn(|kind| sums.count[kind * SLOTS..][..SLOTS].iter().flatten().sum())
+    std::array::from_fn(|kind| sums.binned.count()[kind * SLOTS..][..SLOTS].iter().flatten().sum())
 }
 
 #[test]
@@ -90,8 +90,8 @@ fn every_report_that_turns_is_counted_and_the_even_ones_are_binned() {
     let sums = Log::even(200).sums(&[], 1000);
     assert_eq!(sums.counted.map(|slots| slots.iter().sum::<f64>()), [200.0, 0.0, 0.0]);
     assert_eq!(kinds(&sums), [199.0; KINDS]); // nothing is known before the first one
-    assert_eq!(sums.count[3][20], 10.0); // 51 % of command, ten reports in each slot
-    let mean = sums.total[2 * SLOTS..][..SLOTS].iter().flatten().sum::<f64>() / 199.0 / f64::from(1 << 20);
+    assert_eq!(sums.binned.count()[3][20], 10.0); // 51 % of command, ten reports in each slot
+    let mean = sums.binned.total()[2 * SLOTS..][..SLOTS].iter().flatten().sum::<f64>() / 199.0 / f64::from(1 << 20);
     assert!((mean - 48.0 * 10.0 / 27.0).abs() < 0.5, "{mean}");
     assert_eq!(
         (sums.first[0][1], sums.first[1][1], sums.first[0][20]),
@@ -151,7 +151,7 @@ fn two_slots_become_one_as_if_they_had_been() {
     halved.halve();
     same(&halved, &log.sums(&[], 2000));
     assert!(halved.first[0][SLOTS / 2..].iter().all(|&first| first == NEVER));
-    assert!(halved.count[SLOTS / 2..SLOTS]
+    assert!(halved.binned.count()[SLOTS / 2..SLOTS]
         .as_flattened()
         .iter()
         .all(|&one| one == 0.0));

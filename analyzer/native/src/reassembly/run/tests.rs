@@ -148,6 +148,32 @@ fn the_short_way_gives_what_the_long_one_gives() {
     }
 }
 
+/// Everything that comes of the frames one by one; if `roused`, with nothing kept of a session but what was made of its
+/// first frames.
+fn read_each(frames: &Frames, roused: bool) -> String {
+    let mut reassembler = Reassembler::new(Box::new(resolve));
+    let mut part = Frames::default();
+    for row in 0..frames.len() {
+        let (t, bus, id, flags) = (frames.t[row], frames.bus[row], frames.id[row], frames.flags[row]);
+        part.push(t, bus, id, flags, frames.line[row].into(), frames.data_of(row));
+        reassembler.feed(&part, row);
+        if roused {
+            (0..reassembler.sessions.len()).for_each(|at| drop(reassembler.rouse(at)));
+        }
+    }
+    reassembler.finish();
+    format!("{:?} {:?}", reassembler.take(), reassembler.counts())
+}
+
+#[test]
+fn first_frames_say_of_a_session_what_was_made_of_them() {
+    let mut random = Random(11);
+    for case in 0..200 {
+        let frames = traffic(&mut random, [2, 4, 20][case % 3]);
+        assert!(read_each(&frames, false) == read_each(&frames, true), "case {case}");
+    }
+}
+
 /// Three-frame transfers of one node, a frame each millisecond; another node begins one and falls silent.
 fn in_order() -> Frames {
     let payload = *b"a long payload";
