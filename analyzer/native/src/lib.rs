@@ -3,7 +3,7 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them,
+//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left of them,
 //! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
 //! past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
 //! does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
@@ -46,6 +46,7 @@ pub mod reader;
 pub mod reassembly;
 #[cfg(target_os = "linux")]
 pub mod receive;
+pub mod remainders;
 pub mod rows;
 pub mod session;
 pub mod sessions;

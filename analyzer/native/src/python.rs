@@ -15,6 +15,7 @@ use crate::reassembly::Resolve;
 use group::Group;
 use tables::{batch_tables, give, Dict, Tables};
 
+mod budgets;
 mod buffer;
 mod decoder;
 mod diagnosis;
@@ -33,6 +34,7 @@ mod proto;
 mod reader;
 #[cfg(target_os = "linux")]
 mod receive;
+mod remainders;
 mod rows;
 mod tables;
 mod template;
@@ -213,6 +215,9 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<esc_rows::RecentOrders>()?;
     m.add_class::<motor::SupplyLine>()?;
     m.add_class::<orphans::OrphanIndex>()?;
+    m.add_class::<budgets::Budget>()?;
+    m.add_class::<budgets::Causes>()?;
+    m.add_class::<remainders::Remainders>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;

@@ -48,11 +48,6 @@ class Incomplete(NamedTuple):
         """Bus, node and type."""
         return self.bus, self.src, self.code
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Frames and bytes that came."""
-        return len(self.frames), self.received
-
 
 FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
 

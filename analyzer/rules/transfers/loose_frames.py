@@ -80,6 +80,11 @@ class LooseFrames(NamedTuple):
         """Return some of them."""
         return LooseFrames(*(column[rows] for column in self))
 
+    def keep_lines(self, view: View, end: int) -> None:
+        """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
+        for k in np.flatnonzero(~self.lines.astype(bool) & (self.number < end)).tolist():
+            self.lines[k] = view.lines((self.number.item(k),))
+
     @property
     def senders(self) -> Array:
         """Senders and types, a number each."""

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.facts.identifiers import who
+from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS
-from dissectors.kit import SESSION, Rule
+from dissectors.kit import NO_TIME, SESSION, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -57,16 +58,16 @@ class UnassignedFrames(Rule):
     rules = ("CAN-002", "CAN-003", "CAN-005", "CAN-008", "CAN-009", "TRF-002", "TRF-004", "TRF-005", "TRF-009")
 
     def __init__(self) -> None:
-        self._begun: dict[int, tuple[int, int]] = {}
+        self._begun = KeyedRows({"t": NO_TIME, "lead": -1}, MOST_SESSIONS)
         self._held = _Held(LooseFrames.none(), np.empty(0, np.int64))
         self._out_of_order = OutOfOrder(self._begun)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield frames of this batch, and earlier ones that became certain."""
-        self._keep_lines(view)
+        self._held.frames.keep_lines(view, view.frames.first)  # those that still wait
         ready = [self._corrected(view)]
         if self._follow(view):
-            ready.append(self._let_go(self._certain(self._held.frames.session)))
+            ready.append(self._let_go(self._begun.has(self._held.frames.session)))
         yield from self._report(_Held.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
@@ -83,7 +84,7 @@ class UnassignedFrames(Rule):
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
         frames = LooseFrames.of(view, rows, session)
         new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
-        certain = self._certain(session)
+        certain = self._begun.has(session)
         yield from self._report(new.take(certain))
         self._held = _Held.joined((self._held, new.take(~certain)))
         over = len(self._held.kinds) - MOST_HELD
@@ -99,20 +100,12 @@ class UnassignedFrames(Rule):
         """Note first transfers of sessions; whether there were any."""
         t = view.transfers
         rows = np.flatnonzero(~t.has("step"))
-        if not len(rows) or len(self._begun) >= MOST_SESSIONS:
+        if not len(rows) or not self._begun.room:
             return False
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
         service = type_id << 16 | (kind == 2) << 15 | t.dst[rows].astype(np.int64) << 8 | 0x80 | src
         session = t.bus[rows].astype(np.int64) << 32 | np.where(kind > 1, service, type_id << 8 | src)
-        before = len(self._begun)
-        for key, row in zip(session.tolist(), rows.tolist(), strict=True):
-            if key not in self._begun:
-                self._begun[key] = int(t.t[row]), int(t.lead[row])
-        return len(self._begun) > before
-
-    def _certain(self, session: Array) -> Array:
-        """Return which sessions have begun."""
-        return np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(session))
+        return self._begun.add(session, t=t.t[rows], lead=t.lead[rows]) > 0
 
     def _let_go(self, mask: Array) -> _Held:
         """Return some of those that are held, which wait no longer."""
@@ -135,12 +128,6 @@ class UnassignedFrames(Rule):
                 found.append((number, key, kept._replace(verdict=verdict), *sender))
         frames = LooseFrames.of_kept(found)
         return _Held(frames, _kinds(view, frames, late.anomaly[np.array(rows, np.int64)]))
-
-    def _keep_lines(self, view: View) -> None:
-        """Keep the frames that still wait: they may be gone when they are told."""
-        numbers, lines = self._held.frames.number, self._held.frames.lines
-        for k in np.flatnonzero(~lines.astype(bool)).tolist():
-            lines[k] = view.lines((numbers.item(k),))
 
     def _report(self, held: _Held) -> Iterator[Occurrences]:
         frames = held.frames
