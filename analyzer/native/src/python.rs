@@ -17,6 +17,7 @@ use tables::{batch_tables, give, Dict, Tables};
 
 mod budgets;
 mod buffer;
+mod calls;
 mod decoder;
 mod diagnosis;
 mod esc_rows;
@@ -216,6 +217,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<motor::SupplyLine>()?;
     m.add_class::<orphans::OrphanIndex>()?;
     m.add_class::<budgets::Budget>()?;
+    m.add_class::<calls::Calls>()?;
     m.add_class::<budgets::Causes>()?;
     m.add_class::<remainders::Remainders>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import MOST_SESSIONS, Session, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
+from dissectors.kit import groups
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
+_NODE_BITS, _NODE = 7, 0x7F  # below the bus
 
 
 class SessionBegins(NamedTuple):
@@ -66,10 +68,12 @@ class HeardNode:
         some = gaps[(gaps[:, 0] >= start) & (gaps[:, 1] <= stop)].tolist()
         return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in some]
 
-    def silent(self, t: int) -> bool:
-        """Return whether a time lies in a gap."""
-        gaps = self._gaps
-        return bool(((gaps[:, 0] <= t) & (t < gaps[:, 1])).any())
+    def silent(self, t: Array) -> Array:
+        """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
+        found = np.zeros(len(t), bool)
+        for start, stop, _ in self._gaps.tolist():
+            found |= (start <= t) & (t < stop)
+        return found
 
 
 class HeardNodes:
@@ -92,13 +96,15 @@ class HeardNodes:
         heard = self._nodes.get((bus, node))
         return [] if heard is None else heard.between(start, stop)
 
-    def silent(self, bus: int, node: int, t: int, end: int) -> bool:
-        """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
-        heard = self._nodes.get((bus, node))
-        if heard is None:
-            return False
-        last = heard.t <= t and end - heard.t > self._least
-        return last or heard.silent(t)
+    def all_silent(self, bus: Array, node: Array, t: Array, end: int) -> Array:
+        """Return which nodes that were heard lie in a gap at a time; `end` is the last time so far."""
+        found = np.zeros(len(t), bool)
+        for key, some in groups(bus.astype(np.int64) << _NODE_BITS | node):
+            heard = self._nodes.get((key >> _NODE_BITS, key & _NODE))
+            if heard is not None:
+                last = (heard.t <= t[some]) & (end - heard.t > self._least)
+                found[some] = last | heard.silent(t[some])
+        return found
 
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""

@@ -1,6 +1,5 @@
 //! How many causes are searched of each sender, and which ones were found: what it does again and again is told like
 //! that.
-
 #![forbid(unsafe_code)]
 
 use std::collections::HashMap;
