@@ -22,6 +22,7 @@ from analyzer.rules.transfers.incomplete import (
     turned_bit,
     values_of,
 )
+from analyzer.rules.transfers.lists import picked
 from analyzer.rules.view import MESSAGE
 from dissectors.kit import Occurrences
 
@@ -105,8 +106,7 @@ class Rows(NamedTuple):
     def lists(self) -> FrameLists:
         """Return their frames."""
         begins, numbers = self.table.frame_lists
-        offsets = np.concatenate(((0,), np.cumsum(self.frames, dtype=np.int64)))
-        places = np.arange(offsets[-1]) + np.repeat(begins[self.row] - offsets[:-1], self.frames)
+        offsets, places = picked(begins, self.row)
         return FrameLists(numbers[places], offsets, self.table.code[self.row], self.table.fd[self.row])
 
     def crc_and_payload(self, k: int) -> tuple[int, bytes]:

@@ -82,8 +82,9 @@ class LooseFrames(NamedTuple):
 
     def keep_lines(self, view: View, end: int) -> None:
         """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
-        for k in np.flatnonzero(~self.lines.astype(bool) & (self.number < end)).tolist():
-            self.lines[k] = view.lines((self.number.item(k),))
+        rows = np.flatnonzero(~self.lines.astype(bool) & (self.number < end))
+        for k, line in zip(rows.tolist(), view.each_line(self.number[rows]).tolist(), strict=True):
+            self.lines[k] = (line,) if line else ()
 
     @property
     def senders(self) -> Array:

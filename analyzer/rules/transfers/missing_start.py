@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, s
 from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED, NOTHING
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
+from analyzer.rules.transfers.lists import picked
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.tables import FD, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
@@ -62,17 +64,22 @@ class _Remainders(NamedTuple):
         found: list[int] = self.frames.number[self.offsets.item(k) : self.offsets.item(k + 1)].tolist()
         return found
 
-    def lines(self, view: View, k: int) -> tuple[str, ...]:
-        """Return the lines of one."""
-        mine = slice(self.offsets.item(k), self.offsets.item(k + 1))
-        each = zip(self.frames.number[mine].tolist(), self.frames.lines[mine], strict=True)
-        return tuple(line for number, lines in each for line in lines or view.lines((number,)))
+    def lines(self, view: View, rows: Array) -> list[tuple[str, ...]]:
+        """Return the lines of some."""
+        offsets, places = picked(self.offsets, rows)
+        lines, new = self.frames.lines[places], np.flatnonzero(~self.frames.lines[places].astype(bool))
+        each = view.each_line(self.frames.number[places[new]]).tolist()
+        for k, line in zip(new.tolist(), each, strict=True):
+            lines[k] = (line,) if line else ()
+        if len(places) == len(rows):  # as nearly always
+            found: list[tuple[str, ...]] = lines.tolist()
+            return found
+        spans = zip(offsets[:-1].tolist(), offsets[1:].tolist(), strict=True)
+        return [tuple(chain.from_iterable(lines[low:high])) for low, high in spans]
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""
-        sizes, first = self.sizes[rows], self.offsets[rows]
-        offsets = np.concatenate(((0,), np.cumsum(sizes)))
-        places = np.arange(offsets[-1]) + np.repeat(first - offsets[:-1], sizes)
+        first, (offsets, places) = self.offsets[rows], picked(self.offsets, rows)
         fd = self.frames.flags[first] & FD != 0
         return FrameLists(self.frames.number[places], offsets, self.frames.code[first], fd)
 
@@ -102,7 +109,7 @@ class _Told(NamedTuple):
         """Return one."""
         first = self.first
         t, bus, node, code = (column.item(k) for column in (first.t, first.bus, first.node, first.code))
-        frames, lines = self.of.numbers(k), self.of.lines(view, k)
+        frames, lines = self.of.numbers(k), self.of.lines(view, np.array([k]))[0]
         return Occurrence(
             "TRF-005", t, bus, None if node < 0 else node, view.type_name(code), tuple(frames), self.values(k),
             severity=self.severity(k), drops=True, lines=lines,
@@ -212,7 +219,7 @@ class MissingStart:
         kept = closed.old | (closed.sizes > MOST_LINES) | goes_on
         together += told.occurrences(np.flatnonzero(wanted & ~kept))
         rows = np.flatnonzero(wanted & kept)
-        together += told.occurrences(rows, [closed.lines(view, k) for k in rows.tolist()])
+        together += told.occurrences(rows, closed.lines(view, rows))
 
     def _searched(self, view: View, closed: _Remainders) -> _Told:
         """Return what is missing of each; nothing of one whose frames belong to a transfer that says so itself."""

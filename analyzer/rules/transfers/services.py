@@ -10,6 +10,8 @@ from analyzer._native import Calls
 from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
+from analyzer.rules.recent import MOST_LINES
+from analyzer.rules.transfers.lists import picked, placed
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
 from dissectors.records import replace
@@ -66,7 +68,7 @@ class _Parts(NamedTuple):
         columns = t.t, t.t_end, t.bus, t.src, t.dst, t.code, t.priority, t.transfer_id
         own = (column[rows].astype(np.int64) for column in columns)
         ends, numbers = t.frame_lists
-        offsets, places = _picked(ends.astype(np.int64), rows)
+        offsets, places = picked(ends.astype(np.int64), rows)
         return cls._make((*own, np.full(len(rows), None), offsets, numbers[places].astype(np.int64)))
 
     def joined(self, more: _Parts) -> _Parts:
@@ -77,7 +79,7 @@ class _Parts(NamedTuple):
 
     def take(self, rows: Array) -> _Parts:
         """Return some of them."""
-        offsets, places = _picked(self.offsets, rows)
+        offsets, places = picked(self.offsets, rows)
         return _Parts._make((*(column[rows] for column in self[:-2]), offsets, self.numbers[places]))
 
     @property
@@ -96,8 +98,12 @@ class _Parts(NamedTuple):
 
     def keep_lines(self, view: View) -> None:
         """Keep the lines of those of this batch."""
-        for k in np.flatnonzero(self.lines == None).tolist():  # noqa: E711 - of each one
-            self.lines[k] = view.lines(self.frames(k))
+        rows = np.flatnonzero(self.lines == None)  # noqa: E711 - of each one
+        begin = self.offsets[rows]
+        ends, places = placed(begin, np.minimum(self.offsets[rows + 1] - begin, MOST_LINES))
+        every = view.each_line(self.numbers[places]).tolist()
+        for k, low, high in zip(rows.tolist(), ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            self.lines[k] = tuple(filter(None, every[low:high]))
 
 
 class Services(Rule):
@@ -188,13 +194,6 @@ class Services(Rule):
             frames=missed.frames, drops=True, until=until[rows], each_named=True,
             lines=lambda k: missed.evidence(view, k),
         )  # fmt: skip
-
-
-def _picked(offsets: Array, rows: Array) -> tuple[Array, Array]:
-    """Return offsets of some lists put one behind the other, and the places of their cells."""
-    sizes = offsets[rows + 1] - offsets[rows]
-    ends = np.concatenate(((0,), np.cumsum(sizes)))
-    return ends, np.arange(ends[-1]) + np.repeat(offsets[rows] - ends[:-1], sizes)
 
 
 def _first_heard(who: Array) -> tuple[Array, Array]:
