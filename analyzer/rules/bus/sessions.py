@@ -174,8 +174,9 @@ _known: WeakKeyDictionary[FrameTable, Mapping[int, BusFrames]] = WeakKeyDictiona
 
 
 def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
-    """Return the frames of a batch by bus; several rules ask."""
+    """Return the frames of a batch by bus; several rules ask, all of the same batch."""
     if frames not in _known:
+        _known.clear()
         found = {}
         plain = (frames.flags & (EXTENDED | REMOTE) == EXTENDED) & (frames.id & _NODE != 0)
         all_ = bool(plain.all())

@@ -127,10 +127,10 @@ class _Told(NamedTuple):
 
     def _alike(self, rows: Array, key: Array) -> Occurrences:
         """Return some of one severity."""
-        f = self.first
-        t, bus, node, code, number = (column[rows] for column in (f.t, f.bus, f.node, f.code, f.number))
+        first = self.first.take(rows)
+        node, code = first.node.astype(np.int64), first.code.astype(np.int64)
         return Occurrences(
-            rule="TRF-005", t=t, bus=bus, node=node, type=code, frame=number,
+            rule="TRF-005", t=first.t, bus=first.bus, node=node, type=code, frame=first.number,
             values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.numbers(rows.item(k)),
             key=key, severity=self.severity(rows.item(0)), drops=True, each_named=True,
         )  # fmt: skip
@@ -176,7 +176,8 @@ class MissingStart:
 
     def _closed(self, orphans: LooseFrames, *, last: bool) -> _Remainders:
         """Return the remainders that can get no more frames, with these orphans, as they are closed."""
-        given = self._remainders.add(orphans.session, orphans.t, orphans.tail, orphans.size - 1)
+        tail, size = orphans.tail.astype(np.int64), orphans.size.astype(np.int64) - 1
+        given = self._remainders.add(orphans.session, orphans.t, tail, size)
         of, serials, received = (cells(column, np.int64) for column in given)
         if last:
             rest = self._remainders.close()

@@ -43,9 +43,13 @@ class _Held(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence[_Held]) -> _Held:
         """Return several in the order of their numbers."""
+        parts = [one for one in parts if len(one.kinds)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
         frames = LooseFrames(*map(np.concatenate, zip(*(one.frames for one in parts), strict=True)))
-        kinds = np.concatenate([one.kinds for one in parts])
-        return cls(frames, kinds).take(np.argsort(frames.number, kind="stable"))
+        whole = cls(frames, np.concatenate([one.kinds for one in parts]))
+        ordered = bool((frames.number[1:] >= frames.number[:-1]).all())
+        return whole if ordered else whole.take(np.argsort(frames.number, kind="stable"))
 
     def take(self, rows: Array | slice) -> _Held:
         """Return some of them."""
@@ -59,7 +63,7 @@ class UnassignedFrames(Rule):
 
     def __init__(self) -> None:
         self._begun = KeyedRows({"t": NO_TIME, "lead": -1}, MOST_SESSIONS)
-        self._held = _Held(LooseFrames.none(), np.empty(0, np.int64))
+        self._held = _Held(LooseFrames.none(), np.empty(0, np.int16))
         self._out_of_order = OutOfOrder(self._begun)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -144,9 +148,9 @@ class UnassignedFrames(Rule):
 
 def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     """Return which kinds frames are of: bits in their order."""
-    found = np.zeros(len(anomaly), np.int64)
+    found = np.zeros(len(anomaly), np.int16)
     for k, kind in enumerate(_KINDS):
-        found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int64(1 << k)
+        found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int16(1 << k)
     starts = np.flatnonzero(found & _STARTS)
     later = _goes_on(view, frames.take(starts))
     found[starts] &= ~np.where(later, 1 << _WRONG_START, 1 << _GOES_ON)
