@@ -33,6 +33,7 @@ TIMEOUT = 2 * SECOND
 MOST_OPEN = 4096
 MOST_FRAMES = 64  # of one remainder that are named
 MOST_EARLY = 4096  # remainders that may be excused, until the session shows whether it goes on like that
+_WHAT_BITS = 8  # below a session
 _HABIT = 3  # of them that no busy moment explains
 
 
@@ -150,7 +151,7 @@ class MissingStart:
         self._open = LooseFrames.none()
         self._of = np.empty(0, np.int64)
         self._orphaned = KeyedRows({"t": NO_TIME}, MOST_OPEN)
-        self._early_ones: dict[tuple[int, int], list[Occurrence]] = {}  # by session and what is missing
+        self._early_ones: dict[int, list[Occurrence]] = {}  # by session and what is missing
         self._excused = 0
         self._budget = SearchBudget()
         self._causes = KnownCauses()
@@ -198,15 +199,16 @@ class MissingStart:
 
     def _told(self, view: View, closed: _Remainders, together: list[Occurrences]) -> Iterator[Occurrence]:
         told = self._searched(view, closed)
-        session, what, early = told.first.session, told.what, told.early
+        what, early = told.what, told.early
         wanted = what != NOTHING
         if view.cut_in:
             wanted &= ~(early & self._first(told.first))
         held_back, goes_on = np.zeros(len(what), bool), np.zeros(len(what), bool)
-        busy = np.concatenate((session[early], np.array([key for key, _ in self._early_ones], np.int64)))
-        for k in np.flatnonzero(wanted & np.isin(session, busy)).tolist():
-            kind = session.item(k), what.item(k)
-            if early[k] and self._excused < MOST_EARLY:
+        kinds = told.first.session << _WHAT_BITS | what
+        excused = np.concatenate((kinds[early], np.array([*self._early_ones], np.int64)))
+        rows = np.flatnonzero(wanted & np.isin(kinds, excused))
+        for k, kind, is_early in zip(*(column.tolist() for column in (rows, kinds[rows], early[rows])), strict=True):
+            if is_early and self._excused < MOST_EARLY:
                 self._excused += 1
                 self._early_ones.setdefault(kind, []).append(told.occurrence(view, k))
                 held_back[k] = True

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _CLOSE = 64  # frames before a start in which the one before it is looked for
-_AT_ONCE = 1 << 12  # starts for which that is done
+_AT_ONCE = 1 << 10  # starts for which that is done
 _WIDTH = SESSION.bit_length()
 MOST_SESSIONS = 1 << 16
 MOST_HELD = 4096
@@ -89,8 +89,10 @@ class UnassignedFrames(Rule):
         frames = LooseFrames.of(view, rows, session)
         new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
         certain = self._begun.has(session)
-        yield from self._report(new.take(certain))
-        self._held = _Held.joined((self._held, new.take(~certain)))
+        told, wait = new.take(certain), new.take(~certain)
+        del frames, new, session, rows, odd  # they are large
+        yield from self._report(told)
+        self._held = _Held.joined((self._held, wait))
         over = len(self._held.kinds) - MOST_HELD
         if over > 0:
             yield from self._report(self._let_go(np.arange(len(self._held.kinds)) < over))
