@@ -5,7 +5,6 @@ It says so, or several senders lack some at the same time.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ from analyzer.tables import distinct
 from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterator
+    from collections.abc import Container, Iterator, Sequence
 
     from dissectors.kit import Array, JointLosses, Occurrence, View
 
@@ -40,7 +39,6 @@ class Drops:
         self._beside = beside
         self._times = EventTimes()  # of what the recorder says
         self._joint: dict[int, Array] = {}  # since when, and until when, without overlaps: a row each
-        self._lists: dict[int, tuple[list[int], list[int]]] = {}  # the same: faster for one question
         self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
     def feed(self, view: View) -> None:
@@ -57,7 +55,6 @@ class Drops:
         for bus in distinct(joint.bus):
             new = rows[joint.bus == bus]
             self._joint[bus] = _without_overlaps(np.concatenate((self._joint.get(bus, new[:0]), new)))[-MOST_JOINT:]
-            self._lists.pop(bus, None)
 
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""
@@ -75,41 +72,37 @@ class Drops:
         chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
         done = [found for k, (_, found) in enumerate(self._held) if k in chosen]
         self._held = [entry for k, entry in enumerate(self._held) if k not in chosen]
-        for found in united(done, self._keyed):
-            yield found, self._near(found)
+        told = list(united(done, self._keyed))
+        alone = iter(self._near_each([one for one in told if not isinstance(one, Occurrences)]))
+        for one in told:
+            if isinstance(one, Occurrences):
+                since, until = (one.t if times is None else times for times in (one.since, one.until))
+                yield one, self._near(one.bus, since, until)
+            else:
+                yield one, [next(alone)]
 
-    def _near(self, found: Occurrences | Occurrence) -> list[bool]:
-        if not isinstance(found, Occurrences):
-            times = (found.t if time is None else time for time in (found.since, found.until))
-            return [self._explains(found.bus, *times)]
-        if not self._times and not self._joint:
-            return [False] * len(found.t)
-        since, until = (found.t if times is None else times for times in (found.since, found.until))
-        near = np.zeros(len(found.t), bool)
-        for bus in distinct(found.bus):
-            rows = np.flatnonzero(found.bus == bus)
+    def _near_each(self, found: Sequence[Occurrence]) -> list[bool]:
+        """Return which occurrences are near a loss."""
+        times = ((one.t if time is None else time for time in (one.since, one.until)) for one in found)
+        rows = [(one.bus, *(max(time, NO_TIME) for time in each)) for one, each in zip(found, times, strict=True)]
+        return self._near(*np.array(rows, np.int64).reshape(-1, 3).T)
+
+    def _near(self, bus: Array, since: Array, until: Array) -> list[bool]:
+        """Return which stretches of time of a bus are near a loss."""
+        near = np.zeros(len(since), bool)
+        for one in distinct(bus) if self._times or self._joint else ():
+            rows = np.flatnonzero(bus == one)
             first, last = since[rows], until[rows]
             if self._times:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
-                near[rows] = [self._times.near(bus, *each) for each in said]
-            if bus in self._joint:
-                begins, ends = self._joint[bus].T
+                near[rows] = [self._times.near(one, *each) for each in said]
+            if one in self._joint:
+                begins, ends = self._joint[one].T
                 at = np.searchsorted(ends, first - self._beside)
                 inside = at < len(ends)
                 near[rows] |= inside & (begins[np.where(inside, at, 0)] <= last + self._beside)
-        return near.tolist()
-
-    def _explains(self, bus: int, since: int, until: int) -> bool:
-        if self._times.near(bus, since - self._around, until + self._around):
-            return True
-        if bus not in self._joint:
-            return False
-        if bus not in self._lists:
-            begins, ends = self._joint[bus].T.tolist()
-            self._lists[bus] = begins, ends
-        begins, ends = self._lists[bus]
-        at = bisect_left(ends, since - self._beside)
-        return at < len(ends) and begins[at] <= until + self._beside
+        found: list[bool] = near.tolist()
+        return found
 
 
 def _without_overlaps(times: Array) -> Array:

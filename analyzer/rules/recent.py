@@ -140,6 +140,15 @@ class Recent:
                 break
         return tuple(found[:MOST_LINES])
 
+    def each_line(self, numbers: Array, buses: Sequence[str]) -> Array:
+        """Return many frames as `candump -l` writes them, one text each: an empty one for those that are gone."""
+        found = np.full(len(numbers), "", object)
+        for batch in self._batches:
+            mine = np.flatnonzero((numbers >= batch.first) & (numbers < batch.first + len(batch)))
+            if len(mine):
+                found[mine] = self._native(batch).lines(numbers[mine].tolist(), buses)
+        return found
+
     def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames of one batch."""
         return () if at < 0 else tuple(self._native(self._batches[at]).lines(numbers[:MOST_LINES], buses))

@@ -256,6 +256,10 @@ class BatchView:
         """Return frames of the recent past as candump writes them."""
         return self._past.recent.lines(frames, self.buses)
 
+    def each_line(self, frames: Array) -> Array:
+        """Return many frames of the recent past as candump writes them, one text each: an empty one if it is gone."""
+        return self._past.recent.each_line(frames, self.buses)
+
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
         """Return what a node's doubtful field has shown up to this batch."""
         return self._past.choice(message, reading, bus, node)

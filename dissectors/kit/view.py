@@ -226,6 +226,9 @@ class View(Protocol):
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them, the first 16."""
 
+    def each_line(self, frames: Array) -> Array:
+        """Return many frames of the recent past as candump writes them, one text each: an empty one if it is gone."""
+
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
         """Return what a node's doubtful field has shown so far; it depends on how the capture is cut into batches."""
 

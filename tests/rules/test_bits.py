@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -67,16 +68,23 @@ def test_a_transfer_in_one_frame_without_its_start_or_end_bit() -> None:
 
 
 def test_what_a_sender_did_so_often_it_does_again() -> None:
-    known, sender = budgets.KnownCauses(), (0, 10, 1034)
-    assert known.like(sender, (3, 16)) == budgets.NOT_SEARCHED
-    for _ in range(20):
-        known.note(sender, (3, 16), "first")
-    assert known.like(sender, (3, 16)) == "first"
-    assert known.like(sender, (4, 20)) == "first", "of a shape that was never seen"
-    for _ in range(3):
-        known.note(sender, (4, 20), "other")
-    assert known.like(sender, (4, 20)) == "other"
-    assert known.like(sender, (9, 60)) == budgets.NOT_SEARCHED
+    known, sender = budgets.KnownCauses(), int(budgets.senders_of(0, 10, 1034))
+
+    def like(frames: int, received: int) -> str:
+        senders, shapes = np.array([sender]), np.array([budgets.shapes_of(frames, received)])
+        return known.whats[known.like_all(senders, shapes).item()]
+
+    def note(frames: int, received: int, what: str, count: int) -> None:
+        for _ in range(count):
+            known.note(sender, int(budgets.shapes_of(frames, received)), what)
+
+    assert like(3, 16) == budgets.NOT_SEARCHED
+    note(3, 16, causes.LOST, 20)
+    assert like(3, 16) == causes.LOST
+    assert like(4, 20) == causes.LOST, "of a shape that was never seen"
+    note(4, 20, "other", 3)
+    assert like(4, 20) == "other"
+    assert like(9, 60) == budgets.NOT_SEARCHED
 
 
 RULES = ("TRF-002", "TRF-003", "TRF-005", "TRF-006", "TRF-009", "TRF-010", "TRF-012", "TRF-026")

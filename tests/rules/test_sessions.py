@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -11,12 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
+from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import Session, bus_frames, first_transfers
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
-
-if TYPE_CHECKING:
-    import pytest
 
 LEAST = 5
 # Identifiers of two nodes: three messages, and a service one of them asks the other for.
@@ -55,7 +52,9 @@ def test_each_session_has_its_frames_in_order(rows: list[Heard]) -> None:
     for frames in tables(rows, 40):
         for bus, ours in bus_frames(frames).items():
             own = [k for k, one in enumerate(rows) if one[2] == bus]
-            for session, (begin, end) in zip(ours.sessions, pairwise(ours.first), strict=True):
+            for code, (begin, end) in zip(ours.codes.tolist(), pairwise(ours.first.tolist()), strict=True):
+                session = Session.of(code)
+                assert session.code == code
                 found[session] = ours.row[begin:end].tolist()
                 assert [own[place] for place in ours.place[begin:end].tolist()] == found[session]
                 assert ours.tail[begin:end].tolist() == [rows[k][3][-1] for k in found[session]]
@@ -125,14 +124,44 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
     assert list(first_transfers(TransferTable(batch), good, most, services=services)) == expected
 
 
-def test_there_is_room_for_what_is_known_and_was_heard_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_there_is_room_for_what_is_known_and_was_heard_first() -> None:
     rows = [(0, IDS[2], 0, b"\xc0"), (1, IDS[0], 0, b"\xc0"), (2, IDS[1], 0, b"\xc0"), (3, IDS[2], 0, b"\xc1")]
-    late, first, known = (session_of(rows[k]) for k in (1, 0, 2))
+    late, first, known = (session_of(rows[k]).code for k in (1, 0, 2))
     ((_, ours),) = bus_frames(tables(rows, 4)[0]).items()
-    monkeypatch.setattr("analyzer.rules.bus.sessions.MOST_SESSIONS", 2)
-    assert ours.sessions[0] != first  # whose node comes last
-    assert ours.beyond(ours.sessions, {}) == {known}
-    assert ours.beyond(ours.sessions, {}, first={known}) == {late}
-    assert ours.beyond(ours.sessions, {known}) == {late}
-    monkeypatch.undo()
-    assert ours.beyond(ours.sessions, {}) == set()
+    every = np.arange(3)
+
+    def beyond(most: int, *held: int, first: KeyedRows | None = None) -> list[int]:
+        return ours.codes[ours.beyond(every, some_keys(most, *held), first)].tolist()
+
+    assert ours.codes[0] != first  # whose node comes last
+    assert beyond(2) == [known]
+    assert beyond(2, first=some_keys(1, known)) == [late]
+    assert beyond(2, known) == [late]
+    assert beyond(3) == []
+
+
+def some_keys(most: int, *keys: int) -> KeyedRows:
+    found = KeyedRows({}, most)
+    found.add(np.array(keys, np.int64))
+    return found
+
+
+@given(st.lists(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 99)), max_size=8)), st.integers(0, 6))
+def test_rows_by_key(parts: list[list[tuple[int, int]]], most: int) -> None:
+    rows, expected = KeyedRows({"first": -1, "count": 0}, most), dict[int, list[int]]()
+    for part in parts:
+        keys, values = np.array(part, np.int64).reshape(-1, 2).T
+        new = dict.fromkeys(key for key, _ in part if key not in expected)
+        assert rows.add(keys, first=values) == min(len(new), most - len(expected))
+        for key, value in part:
+            if key in expected or len(expected) < most:
+                expected.setdefault(key, [value, 0])
+        for key in expected:
+            expected[key][1] += 1
+        rows.set(rows.keys, count=rows.look_up("count", rows.keys) + 1)
+    assert rows.keys.tolist() == sorted(expected)
+    assert (len(rows), rows.room) == (len(expected), most - len(expected))
+    every = np.arange(10)
+    assert rows.has(every).tolist() == [key in expected for key in range(10)]
+    found = zip(rows.look_up("first", every).tolist(), rows.look_up("count", every).tolist(), strict=True)
+    assert list(found) == [tuple(expected.get(key, (-1, 0))) for key in range(10)]

@@ -4,11 +4,12 @@
 //! An answer by CRC is wrong once in 65536 attempts, so attempts are few. [`index`] finds the frames of a session,
 //! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`], [`losses`] and [`misnumbered`] are the
 //! causes, [`questions`] what rules ask; [`starts`] shows how a session counted, and [`counters`] whether several senders
-//! did: by turns ([`interleaved`]), or one between what another one sends ([`resumed`]).
+//! did: by turns ([`interleaved`]), or one between what another one sends ([`resumed`]). [`budgets`] bounds the searches.
 #![forbid(unsafe_code)]
 
 use crate::wire::crc;
 
+pub mod budgets;
 pub mod counters;
 pub mod index;
 pub mod interleaved;

@@ -3,10 +3,11 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them,
-//! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
-//! past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
-//! does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
+//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`]
+//! what is left of them, [`calls`] which responses belong to which requests, [`joint`] where several senders lack some,
+//! [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key,
+//! [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or does
+//! I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
 //! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
@@ -14,6 +15,7 @@ pub mod binary;
 pub mod bits;
 pub mod buses;
 pub mod cadence;
+pub mod calls;
 pub mod candump;
 pub mod chain;
 pub mod counts;
@@ -46,6 +48,7 @@ pub mod reader;
 pub mod reassembly;
 #[cfg(target_os = "linux")]
 pub mod receive;
+pub mod remainders;
 pub mod rows;
 pub mod session;
 pub mod sessions;

@@ -15,7 +15,9 @@ use crate::reassembly::Resolve;
 use group::Group;
 use tables::{batch_tables, give, Dict, Tables};
 
+mod budgets;
 mod buffer;
+mod calls;
 mod decoder;
 mod diagnosis;
 mod esc_rows;
@@ -33,6 +35,7 @@ mod proto;
 mod reader;
 #[cfg(target_os = "linux")]
 mod receive;
+mod remainders;
 mod rows;
 mod tables;
 mod template;
@@ -213,6 +216,10 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<esc_rows::RecentOrders>()?;
     m.add_class::<motor::SupplyLine>()?;
     m.add_class::<orphans::OrphanIndex>()?;
+    m.add_class::<budgets::Budget>()?;
+    m.add_class::<calls::Calls>()?;
+    m.add_class::<budgets::Causes>()?;
+    m.add_class::<remainders::Remainders>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from itertools import repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.sessions import bus_frames
+from analyzer.rules.bus.keyed import KeyedRows
+from analyzer.rules.bus.sessions import MOST_SESSIONS, Session, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
+from dissectors.kit import groups
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer.rules.bus.sessions import BusFrames, Session
+    from analyzer.rules.bus.sessions import BusFrames
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
+_NODE_BITS, _NODE = 7, 0x7F  # below the bus
 
 
 class SessionBegins(NamedTuple):
@@ -44,35 +46,34 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    gaps: list[tuple[int, int, int, tuple[str, ...]]] = field(default_factory=list)  # as `Gap` has it
-    _times: Array | None = None  # of the gaps, once somebody asks
+    _gaps: Array = field(default_factory=lambda: np.empty((0, 3), np.int64))  # start, stop and number, a row each
+    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of gaps that have some, by number
 
-    def add(self, gaps: Iterable[tuple[int, int, int, tuple[str, ...]]]) -> None:
-        """Note more gaps."""
-        self.gaps.extend(gaps)
-        self._times = None
+    def add(self, gaps: Array) -> None:
+        """Note more gaps: start, stop and number, a row each. The latest ones are kept."""
+        self._gaps = np.concatenate((self._gaps, gaps))[-_MOST_GAPS:]
+        if self._lines:
+            first = self._gaps[0, 2]
+            self._lines = {number: lines for number, lines in self._lines.items() if number >= first}
 
-    def forget(self, most: int) -> None:
-        """Keep that many gaps at most, the latest."""
-        if len(self.gaps) > most:
-            del self.gaps[:-most]
-            self._times = None
+    def close(self, stop: int) -> None:
+        """Note that it was not heard from its last frame on."""
+        if self.lines:
+            self._lines[self.number] = self.lines
+        self.add(np.array([(self.t, stop, self.number)], np.int64))
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        if self._times is None:
-            self._times = np.array([gap[:2] for gap in self.gaps], np.int64).reshape(-1, 2)
-        begins, ends = self._times.T
-        return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
+        gaps = self._gaps
+        some = gaps[(gaps[:, 0] >= start) & (gaps[:, 1] <= stop)].tolist()
+        return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in some]
 
-
-@dataclass(slots=True, eq=False)
-class _Last:
-    """The last frame of a session: whether it was the end of a transfer, its ID, and how many were left out."""
-
-    ended: bool = True
-    transfer_id: int = -1
-    lost: int = 0
+    def silent(self, t: Array) -> Array:
+        """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
+        found = np.zeros(len(t), bool)
+        for start, stop, _ in self._gaps.tolist():
+            found |= (start <= t) & (t < stop)
+        return found
 
 
 class HeardNodes:
@@ -95,13 +96,15 @@ class HeardNodes:
         heard = self._nodes.get((bus, node))
         return [] if heard is None else heard.between(start, stop)
 
-    def silent(self, bus: int, node: int, t: int, end: int) -> bool:
-        """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
-        heard = self._nodes.get((bus, node))
-        if heard is None:
-            return False
-        last = heard.t <= t and end - heard.t > self._least
-        return last or any(gap[0] <= t < gap[1] for gap in heard.gaps)
+    def all_silent(self, bus: Array, node: Array, t: Array, end: int) -> Array:
+        """Return which nodes that were heard lie in a gap at a time; `end` is the last time so far."""
+        found = np.zeros(len(t), bool)
+        for key, some in groups(bus.astype(np.int64) << _NODE_BITS | node):
+            heard = self._nodes.get((key >> _NODE_BITS, key & _NODE))
+            if heard is not None:
+                last = (heard.t <= t[some]) & (end - heard.t > self._least)
+                found[some] = last | heard.silent(t[some])
+        return found
 
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""
@@ -116,41 +119,42 @@ class HeardNodes:
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
-                heard.add((Gap(heard.t, t, heard.number, heard.lines),))
+                heard.close(t)
             if k in gaps:
-                heard.add(zip(*(column.tolist() for column in gaps[k]), repeat(())))
+                heard.add(np.stack(gaps[k], axis=1))
             heard.t, heard.number, heard.lines = until, start + last, ()
-            heard.forget(_MOST_GAPS)
 
 
 class HeardSessions:
-    """Follows the frames of each message type of a node: at most `MOST_SESSIONS` of these."""
+    """Follows the frames of each message type of a node: at most `MOST_SESSIONS` of these.
+
+    Of the last frame of each it is known whether a transfer goes on behind it, its ID, and how many were left out.
+    """
 
     def __init__(self) -> None:
-        self._last: dict[Session, _Last] = {}
+        self._last = KeyedRows({"goes_on": 0, "transfer_id": -1, "lost": 0}, MOST_SESSIONS)
 
     def feed(self, frames: FrameTable) -> Iterator[tuple[Session, SessionBegins]]:
         """Add a batch; yield what began of each session."""
         for ours in bus_frames(frames).values():
             at, first = ours.begins
-            transfer_id = ours.tail[at] & TAIL_ID
+            transfer_id = (ours.tail[at] & TAIL_ID).astype(np.int64)
             lost = np.zeros(len(at), np.int64)
             np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
             t, number = ours.times[ours.row[at]], frames.first + ours.row[at]
-            messages = [(one, ours.sessions[one]) for one in ours.messages]
-            beyond = ours.beyond([session for _, session in messages], self._last)
-            for one, session in messages:
-                if session in beyond:
-                    continue
-                last = self._last.setdefault(session, _Last())
-                begin, end = ours.first[one], ours.first[one + 1]
-                goes_on = not (last.ended or ours.tail[begin] & TAIL_START)
-                last.ended = bool(ours.tail[end - 1] & TAIL_END)
-                mine = slice(int(first[one]) + goes_on, int(first[one + 1]))
-                if mine.start < mine.stop:
-                    before = last.lost - int(lost[mine.start])
-                    if last.transfer_id >= 0:
-                        before += max((int(transfer_id[mine.start]) - last.transfer_id) % TRANSFER_IDS - 1, 0)
-                    last.transfer_id = int(transfer_id[mine.stop - 1])
-                    yield session, SessionBegins(t[mine], number[mine], lost[mine] + before)
-                    last.lost = int(lost[mine.stop - 1]) + before
+            some = ours.messages[~ours.beyond(ours.messages, self._last)]
+            codes = ours.codes[some]
+            self._last.add(codes)
+            rows = self._last.find(codes)
+            going, before, left = (self._last.get(name, rows) for name in ("goes_on", "transfer_id", "lost"))
+            goes_on = (going != 0) & (ours.tail[ours.first[some]] & TAIL_START == 0)
+            begin, end = first[some] + goes_on, first[some + 1]
+            self._last.set(codes, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
+            new = np.flatnonzero(begin < end)
+            codes, begin, end, before, left = (column[new] for column in (codes, begin, end, before, left))
+            missed = np.maximum((transfer_id[begin] - before) % TRANSFER_IDS - 1, 0)
+            left += np.where(before >= 0, missed, 0) - lost[begin]
+            self._last.set(codes, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
+            for code, low, high, more in zip(*(one.tolist() for one in (codes, begin, end, left)), strict=True):
+                mine = slice(low, high)
+                yield Session.of(code), SessionBegins(t[mine], number[mine], lost[mine] + more)

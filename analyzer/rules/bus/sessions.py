@@ -13,14 +13,15 @@ from analyzer.tables import EXTENDED, KINDS, REMOTE, TAIL_END, TAIL_START
 from dissectors.kit import times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Container, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
+    from analyzer.rules.bus.keyed import KeyedRows
     from dissectors.kit import Array, BusTimes, FrameTable, TransferTable
 
 MOST_SESSIONS = 4096  # that a rule remembers
 _SERVICE, _ASKS = 1 << 16, 1 << 7
 _KEY_BITS = 17
-_KEY = (1 << _KEY_BITS) - 1
+_KEY = _TYPE = (1 << _KEY_BITS) - 1
 _NODE = 0x7F
 CODE_BITS = 24  # below the bus
 _MESSAGE, _REQUEST, _RESPONSE = (KINDS.index(name) for name in ("message", "request", "response"))
@@ -38,10 +39,10 @@ class Session(NamedTuple):
         """Return it as one number."""
         return self.bus << CODE_BITS | self.node << _KEY_BITS | self.type_id
 
-    @property
-    def of_responses(self) -> bool:
-        """Return whether these are answers."""
-        return self.type_id & (_SERVICE | _ASKS) == _SERVICE
+    @classmethod
+    def of(cls, code: int) -> Session:
+        """Return one by its code."""
+        return cls(code >> CODE_BITS, code >> _KEY_BITS & _NODE, code & _TYPE)
 
     @property
     def of_service(self) -> bool:
@@ -66,22 +67,23 @@ class NodeRows(NamedTuple):
 class BusFrames:
     """Frames of a bus in a batch that have a time and a sender, one session after the other.
 
-    `row` are rows of the batch, of which all have `times`; `place` counts among these frames. `first` is where each
-    session begins, and where the last one ends; `messages` are places of those that are no services.
+    `row` are rows of the batch, of which all have `times`; `place` counts among these frames. `codes` are the sessions
+    as `Session.code` has them, `first` is where each begins, and where the last one ends; `messages` are places of
+    those that are no services.
     """
 
     def __init__(self, times: BusTimes, frames: FrameTable, rows: Array | None) -> None:
         identifier = frames.id if rows is None else frames.id[rows]
-        codes = (identifier & _NODE) << _KEY_BITS | identifier >> 7 & _KEY
-        self.place, first = grouped(codes)
+        keys = (identifier & _NODE) << _KEY_BITS | identifier >> 7 & _KEY
+        self.place, first = grouped(keys)
         self.row = self.place if rows is None else rows[self.place]
         self.tail = frames.tail[self.row]
         self.times, self.forward = frames.t, times.steady
-        self.first: Sequence[int] = [*first.tolist(), len(codes)]
+        self.first = np.append(first, len(keys))
         self._turns: dict[int, tuple[Array, Array]] = {}
-        begin = codes[self.place[first]]
-        self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin.tolist()]
-        self.messages: Sequence[int] = np.flatnonzero(begin & 1 == 0).tolist()
+        begin = keys[self.place[first]].astype(np.int64)
+        self.codes = _codes(times.bus, begin >> _KEY_BITS, begin & _KEY)
+        self.messages = np.flatnonzero(begin & 1 == 0)
 
     @cached_property
     def begins(self) -> tuple[Array, Array]:
@@ -95,28 +97,27 @@ class BusFrames:
     @cached_property
     def nodes(self) -> NodeRows:
         """The nodes of these frames, in order."""
-        node = np.array([session.node for session in self.sessions], np.int64)
+        node, first = node_of(self.codes), self.first
         begins = np.flatnonzero(np.diff(node, prepend=-1))
         ends = np.append(begins[1:], len(node))
-        first = np.array(self.first, np.int64)
         return NodeRows(
             node[begins], np.repeat(np.arange(len(begins)), ends - begins), first[begins], first[ends],
             np.minimum.reduceat(self.row[first[:-1]], begins), np.maximum.reduceat(self.row[first[1:] - 1], begins),
         )  # fmt: skip
 
-    def beyond(
-        self, sessions: Sequence[Session], held: Collection[Session], first: Container[Session] = ()
-    ) -> set[Session]:
-        """Return of sessions of this batch those that there is no room for beside the ones that are `held`.
+    def beyond(self, some: Array, held: KeyedRows, first: KeyedRows | None = None) -> Array:
+        """Return a mask of the sessions, by their places, that there is no room for beside the ones that are `held`.
 
         Those of `first` go first, then those that were heard first, whatever their nodes and types are.
         """
-        new = {session for session in sessions if session not in held}
-        room = max(MOST_SESSIONS - len(held), 0)
-        if len(new) <= room or not room:
-            return set() if room else new
-        heard = {session: self.place.item(at) for session, at in zip(self.sessions, self.first[:-1], strict=True)}
-        return set(sorted(new, key=lambda session: (session not in first, heard[session]))[room:])
+        codes = self.codes[some]
+        found: Array = ~held.has(codes)
+        new = np.flatnonzero(found)
+        if len(new) > held.room:
+            late = np.zeros(len(new), bool) if first is None else ~first.has(codes[new])
+            new = new[np.lexsort((self.place[self.first[some[new]]], late))]
+        found[new[: held.room]] = False
+        return found
 
     def gaps(self, least: int, most: int, start: int) -> Iterator[tuple[int, tuple[Array, Array, Array]]]:
         """Yield times in which nodes have no frame: since when, until when, the number of the frame before.
@@ -173,8 +174,9 @@ _known: WeakKeyDictionary[FrameTable, Mapping[int, BusFrames]] = WeakKeyDictiona
 
 
 def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
-    """Return the frames of a batch by bus; several rules ask."""
+    """Return the frames of a batch by bus; several rules ask, all of the same batch."""
     if frames not in _known:
+        _known.clear()
         found = {}
         plain = (frames.flags & (EXTENDED | REMOTE) == EXTENDED) & (frames.id & _NODE != 0)
         all_ = bool(plain.all())
@@ -191,10 +193,18 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
 def first_transfers(
     t: TransferTable, good: Array | None = None, most: int = 1, *, services: bool = False
 ) -> Iterator[tuple[Session, int]]:
-    """Yield the first rows of each session, at most so many, as they follow each other: messages that are `good`.
+    """Yield sessions and rows as `first_rows` gives them."""
+    codes, rows = first_rows(t, good, most, services=services)
+    yield from zip(map(Session.of, codes.tolist()), rows.tolist(), strict=True)
 
-    They prove that a session is DroneCAN's, and no other protocol's. Requests and responses are in sessions, too, if
-    `services` are wanted.
+
+def first_rows(
+    t: TransferTable, good: Array | None = None, most: int = 1, *, services: bool = False
+) -> tuple[Array, Array]:
+    """Return the first rows of each session, at most so many, as they follow each other: messages that are `good`.
+
+    In front of them are the codes of their sessions. They prove that a session is DroneCAN's, and no other protocol's.
+    Requests and responses are in sessions, too, if `services` are wanted.
     """
     wanted = t.kind == _MESSAGE
     if services:
@@ -205,15 +215,34 @@ def first_transfers(
     if services:
         asked = type_id << 9 | (kind == _REQUEST) * np.uint32(_ASKS << 1) | t.dst[rows].astype(np.uint32) << 1 | 1
         key = np.where(kind == _MESSAGE, key, asked)
-    codes = (t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE) << _KEY_BITS | key
-    order, first = grouped(codes)
+    keys = (t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE) << _KEY_BITS | key
+    order, first = grouped(keys)
     places = first[:, None] + np.arange(most)
     some = order[places[places < np.append(first[1:], len(order))[:, None]]]
     some.sort()
-    for code, row in zip(codes[some].tolist(), rows[some].tolist(), strict=True):
-        yield _session(code >> _KEY_BITS + 7, code >> _KEY_BITS & _NODE, code & _KEY), row
+    one = keys[some].astype(np.int64)
+    return _codes(one >> _KEY_BITS + 7, one >> _KEY_BITS & _NODE, one & _KEY), rows[some]
 
 
-def _session(bus: int, node: int, key: int) -> Session:
-    """Return a session by its key: the type ID, in front of it what `Session` says of a service, behind it a bit."""
-    return Session(bus, node, key >> 1 | (key & 1) * _SERVICE)
+def node_of(codes: Array) -> Array:
+    """Return the nodes of sessions by their codes."""
+    found: Array = codes >> _KEY_BITS & _NODE
+    return found
+
+
+def of_service(codes: Array) -> Array:
+    """Return a mask of the sessions that are requests or answers."""
+    found: Array = codes & _SERVICE != 0
+    return found
+
+
+def of_responses(codes: Array) -> Array:
+    """Return a mask of the sessions that are answers."""
+    found: Array = codes & (_SERVICE | _ASKS) == _SERVICE
+    return found
+
+
+def _codes(bus: int | Array, node: Array, key: Array) -> Array:
+    """Return codes of sessions by keys: the type ID, before it what `Session` says of a service, behind it a bit."""
+    found: Array = bus << CODE_BITS | node << _KEY_BITS | key >> 1 | (key & 1) * _SERVICE
+    return found

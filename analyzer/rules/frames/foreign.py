@@ -24,7 +24,7 @@ PROBATION = 512  # frames of a session after which a verdict stands
 MOST_HELD = 1 << 18  # frames that wait for their verdict, then the oldest are taken as they are
 MOST_NAMED = 256  # identifiers with a finding of their own; all further ones share one
 SHOWN = 20  # first frames of an identifier whose bytes are kept until its verdict stands
-_OFTEN = 1 << 14
+_OFTEN, _SOON = 1 << 14, MOST_HELD + MOST_HELD // 2  # that wait as it is looked whose verdict stands
 # Commands in bits 15 to 8 of the identifiers of VESC motor controllers: set points, and what they report.
 VESC = frozenset({0, 1, 2, 3, 4, 9, 14, 15, 16, 27, 28})
 # Formats of addressed messages in SAE J1939-21: acknowledgement, request, transport, address claim, proprietary.
@@ -80,7 +80,7 @@ class Foreign(Rule):
             self._marked += (rows[f.anomaly[rows] & _CYPHAL != 0] + f.first).tolist()
         if self._waiting >= self._again:
             yield from self._release(PROBATION)
-            self._again = max(_OFTEN, 2 * self._waiting)
+            self._again = min(max(_OFTEN, 2 * self._waiting), _SOON)
 
     def finish(self, _view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield the rest."""

@@ -39,7 +39,7 @@ def _made(frames: FrameTable) -> tuple[Array, Array]:
         spare = np.maximum(_WORD - (length[more] - 1 - at), 0).astype(np.uint64) * np.uint64(_WORD)
         words &= np.uint64(0xFFFF_FFFF_FFFF_FFFF) >> spare
         key[more] = _mixed(key[more], words)
-    tail = np.where(length > 0, data[np.maximum(begin + length - 1, 0)].astype(np.int64), -1)
+    tail = np.where(length > 0, data[np.maximum(begin + length - 1, 0)].astype(np.int16), np.int16(-1))
     return key, tail
 
 

@@ -11,6 +11,7 @@ from dissectors.kit import MILLISECOND, by_key
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from analyzer.rules.bus.keyed import KeyedRows
     from dissectors.kit import Array
 
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
@@ -54,46 +55,37 @@ class LackRows(NamedTuple):
         return LackRows(*(column[rows] for column in self))
 
 
-class LatestLack(NamedTuple):
-    """The latest one of a session: its second frame, and what of it decides about the next one."""
-
-    behind: int
-    until: int
-    wanted: int
-    void: bool
+# The latest one of a session: its second frame, and what of it decides about the next one.
+LATEST = {"behind": -1, "until": 0, "wanted": -1, "void": 0}
 
 
-_NONE = LatestLack(-1, 0, -1, void=False)
-
-
-def compared(new: LackRows, latest: dict[int, LatestLack]) -> tuple[LackRows, Array]:
+def compared(new: LackRows, latest: KeyedRows) -> tuple[LackRows, Array]:
     """Take back what was missing if it comes now, and so what is odd about the frames around it.
 
-    Return the rows, and the second frames of those from before that are void now, too. `latest` are those of each
-    session, and become the last ones of these.
+    Return the rows, and the second frames of those from before that are void now, too. `latest` has `LATEST` of
+    each session, which become the last ones of these.
     """
     if not len(new.session):
         return new, new.behind
     order, first = by_key(new.session)
     of = new.take(order)
-    each = of.session[first].tolist()
-    before = np.array([latest.get(session, _NONE) for session in each], np.int64).T
+    each = of.session[first]
+    before = {name: latest.look_up(name, each) for name in LATEST}
     past = [np.roll(column, 1) for column in (of.behind, of.until, of.wanted)]
-    for column, known in zip(past, before[:3], strict=True):
-        column[first] = known
+    for column, name in zip(past, LATEST, strict=False):
+        column[first] = before[name]
     behind, until, wanted = past
     returns = of.tail == wanted
     swaps = returns & (of.until - until <= _SWAPPED)
     goes_on = behind == of.number
-    was = before[3].astype(bool)
+    was = before["void"] != 0
     void = _in_turn(swaps, goes_on, first, was)
     back = first[swaps[first] & ~was]
     gone = behind[back]
     also = np.append(swaps[1:], False)
     also[first[1:] - 1] = False
     last = np.append(first[1:], len(order)) - 1
-    columns = (column[last].tolist() for column in (of.behind, of.until, of.wanted, void))
-    latest.update(zip(each, map(LatestLack._make, zip(*columns, strict=True)), strict=True))
+    latest.set(each, behind=of.behind[last], until=of.until[last], wanted=of.wanted[last], void=void[last])
     left, found = np.empty_like(behind), np.empty(len(order), bool)
     left[order], found[order] = np.where(returns, behind, -1), void | also
     return new._replace(left=left, void=found), gone

@@ -6,20 +6,29 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, first_transfers
-from analyzer.rules.joint.lack_rows import LackRows, LatestLack, compared
+from analyzer.rules.bus.keyed import KeyedRows
+from analyzer.rules.bus.sessions import (
+    CODE_BITS,
+    MOST_SESSIONS,
+    Session,
+    bus_frames,
+    first_rows,
+    node_of,
+    of_responses,
+    of_service,
+)
+from analyzer.rules.joint.lack_rows import LATEST, LackRows, compared
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from analyzer.rules.bus.sessions import BusFrames, Session
+    from analyzer.rules.bus.sessions import BusFrames
     from dissectors.kit import Array, FrameTable, View
 
 _COMPLETE = STATUSES.index("ok")
 _KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
+_MOST_KNOWN = 1 << 16  # sessions that are, or may become so: every node may ask every other one for every service
 _MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
 _REACH = SETTLED + LONGEST + WIDEST  # what is missing before may not be joint with what is missing now
 _NEVER = np.iinfo(np.int64).max
@@ -48,17 +57,6 @@ class _Wanted(NamedTuple):
     wanted: Array
 
 
-class _Last(NamedTuple):
-    """The last frame of a session, how many did not follow the one before them as they should, and transfers begun."""
-
-    tail: int = 0
-    t: int = NO_TIME
-    number: int = -1
-    place: int = -1
-    odd: int = 0
-    begun: int = 0
-
-
 class Lacks:
     """Follows the tail bytes of all transfers; sessions are at most 4096.
 
@@ -67,14 +65,14 @@ class Lacks:
     """
 
     def __init__(self) -> None:
-        self._last: dict[Session, _Last] = {}
-        self._latest: dict[int, LatestLack] = {}  # by the codes of sessions
+        # The last frame of each session, how many did not follow the one before as they should, transfers begun.
+        last = {"tail": 0, "t": NO_TIME, "number": -1, "place": -1, "odd": 0, "begun": 0}
+        self._last = KeyedRows({**last, **LATEST}, MOST_SESSIONS)
         self._heard: dict[int, int] = {}  # frames by bus
         self._since: dict[int, int] = {}  # its first frame
         self._senders: dict[int, set[int]] = {}  # the nodes that were heard
-        self._complete: dict[Session, int] = {}  # transfers of those that are not known yet
-        self._known: dict[Session, int] = {}  # when each one became known
-        self._since_known: dict[int, int] = {}  # the same by codes of sessions
+        self._complete: set[int] = set()  # codes of sessions of which one transfer is not enough to be known
+        self._known = KeyedRows({"since": _NEVER}, _MOST_KNOWN)  # when each one became known
         self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
 
     def feed(self, view: View) -> tuple[LackRows, Array]:
@@ -92,67 +90,72 @@ class Lacks:
             if not base:
                 self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
             self._heard[bus] = base + len(ours.row)
-            self._senders.setdefault(bus, set()).update(session.node for session in ours.sessions)
-            begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64).tolist()
-            followed: list[int] = []
-            beyond = ours.beyond(ours.sessions, self._last, first=self._known)
-            lasts = [self._last.get(session) for session in ours.sessions]
-            tails = np.array([0 if last is None else last.tail for last in lasts], np.uint8)
-            odd = _odd(ours) | _odd_behind(tails, ours.tail[ours.first[:-1]])
-            for k, (session, last, is_odd) in enumerate(zip(ours.sessions, lasts, odd.tolist(), strict=True)):
-                if session in beyond:
-                    continue
-                if errors or is_odd or last is None:
-                    self._last.setdefault(session, _Last())
-                    followed.append(k)
-                else:
-                    end = _frames(frames, ours, slice(ours.first[k + 1] - 1, ours.first[k + 1]), base)
-                    place = _Last(*(int(column[0]) for column in end))
-                    self._last[session] = place._replace(odd=last.odd, begun=last.begun + begun[k])
-            found.append(self._follow(frames, ours, followed, base))
+            self._senders.setdefault(bus, set()).update(ours.nodes.node.tolist())
+            some = np.flatnonzero(~ours.beyond(np.arange(len(ours.codes)), self._last, first=self._known))
+            codes = ours.codes[some]
+            new = self._last.find(codes) < 0
+            self._last.add(codes)
+            tails = self._last.look_up("tail", codes)
+            odd = _odd(ours)[some] | _odd_behind(tails, ours.tail[ours.first[some]])
+            looked = odd | new | errors
+            self._pass_over(frames, ours, some[~looked], base)
+            found.append(self._follow(frames, ours, some[looked], base))
         rows = LackRows.joined(found)
-        return compared(rows.take(np.argsort(rows.place_behind, kind="stable")), self._latest)
+        return compared(rows.take(np.argsort(rows.place_behind, kind="stable")), self._last)
+
+    def _pass_over(self, frames: FrameTable, ours: BusFrames, some: Array, base: int) -> None:
+        """Note the last frames of sessions in which each follows the one before it."""
+        if not len(some):
+            return
+        codes = ours.codes[some]
+        end = _frames(frames, ours, ours.first[some + 1] - 1, base)
+        begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64)[some]
+        self._last.set(codes, **end._asdict(), begun=self._last.look_up("begun", codes) + begun)
 
     def known(self, lacks: LackRows, within: int) -> Array:
         """Return whether the sessions were known to be DroneCAN's up to a time after each."""
-        each, which = np.unique(lacks.session, return_inverse=True)
-        known = np.array([self._since_known.get(code, _NEVER) for code in each.tolist()], np.int64)
-        found: Array = known[which] <= lacks.until + within
+        found: Array = self._known.look_up("since", lacks.session) <= lacks.until + within
         return found
 
     def _all_known(self, frames: FrameTable) -> bool:
         """Return whether every session that was heard is known: then transfers prove nothing new."""
-        new = (session for ours in bus_frames(frames).values() for session in ours.sessions)
-        room = len(self._last) < MOST_SESSIONS
-        return room and self._known.keys() >= self._last.keys() and all(session in self._known for session in new)
+        if not self._last.room or not self._known.has(self._last.keys).all():
+            return False
+        return all(self._known.has(ours.codes).all() for ours in bus_frames(frames).values())
 
     def _prove(self, view: View) -> None:
         """Note when sessions became known; types that have no definition come out late, and prove nothing."""
         t = view.transfers
         good = (t.status == _COMPLETE) & (t.t_end != NO_TIME)
-        for session, row in first_transfers(t, good, _KNOWN_BY, services=True):
-            if session in self._known or view.type_of(int(t.code[row])) is None:
+        codes, rows = first_rows(t, good, _KNOWN_BY, services=True)
+        types, which = np.unique(t.code[rows], return_inverse=True)
+        defined = np.array([view.type_of(code) is not None for code in types.tolist()], bool)
+        new = np.flatnonzero(defined[which] & ~self._known.has(codes))
+        proved: dict[int, int] = {}
+        for code, at in zip(codes[new].tolist(), t.t_end[rows[new]].tolist(), strict=True):
+            if code in proved:
                 continue
-            count = self._complete.pop(session, 0) + 1
-            if count < _KNOWN_BY:
-                self._complete[session] = count
-                continue
-            self._known[session] = self._since_known[session.code] = at = int(t.t_end[row])
+            if code in self._complete:
+                self._complete.remove(code)
+                proved[code] = at
+            elif len(self._complete) < _MOST_KNOWN:
+                self._complete.add(code)
+        self._known.add(np.array([*proved], np.int64), since=np.array([*proved.values()], np.int64))
+        for session, at in ((Session.of(code), at) for code, at in proved.items()):
             if not session.of_service:
                 nodes = self.nodes.setdefault(session.bus, {})
                 nodes[session.node] = min(nodes.get(session.node, at), at)
 
-    def _follow(self, frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> LackRows:
+    def _follow(self, frames: FrameTable, ours: BusFrames, some: Array, base: int) -> LackRows:
         """Look at each frame of some sessions of a bus; `base` are the frames of the bus before the batch."""
         which, own = _of_sessions(frames, ours, some, base)
         if not len(own.tail):
             return LackRows.none()
         first = np.flatnonzero(np.diff(which, prepend=-1))
-        at = which[first].tolist()
-        sessions = [ours.sessions[some[one]] for one in at]
-        lasts = [self._last[session] for session in sessions]
-        tails, odds, begun = (np.array([last[part] for last in lasts], np.int64) for part in (0, 4, 5))
-        group = np.repeat(np.arange(len(at)), np.diff(first, append=len(which)))
+        codes = ours.codes[some[which[first]]]
+        rows = self._last.find(codes)
+        last = {name: self._last.get(name, rows) for name in (*_Frames._fields, "odd", "begun")}
+        group = np.repeat(np.arange(len(codes)), np.diff(first, append=len(which)))
 
         def summed(mask: Array, before: Array) -> Array:
             """Return how many there are up to each frame of a session, on top of those before the batch."""
@@ -162,75 +165,71 @@ class Lacks:
 
         tail = np.empty_like(own.tail)
         tail[1:] = own.tail[:-1]
-        tail[first] = tails
+        tail[first] = last["tail"]
         wanted = _WANTED[tail]
         odd = _odd_behind(tail, own.tail)
-        odd[first] &= np.array([last.number >= 0 for last in lasts])
-        known = np.array([self._known.get(session, _NEVER) for session in sessions], np.int64)
-        odd &= (own.t >= known[group]) | (summed(odd, odds) <= _MOST_UNKNOWN)
+        odd[first] &= last["number"] >= 0
+        odd &= (own.t >= self._known.look_up("since", codes)[group]) | (summed(odd, last["odd"]) <= _MOST_UNKNOWN)
         odd &= (tail & TAIL_END == 0) | (own.tail & _FOLLOWS != TAIL_START)
         starts = own.tail & TAIL_START != 0
-        begins, count = summed(starts, begun), summed(odd, odds)
-        odd &= (_HABIT * count <= begins) | ~np.array([session.of_service for session in sessions])[group]
-        odd &= (tail & TAIL_END == 0) | ~starts | ~np.array([session.of_responses for session in sessions])[group]
-        rows = np.flatnonzero(odd)
-        if len(rows) and len(self._senders[sessions[0].bus]) == 1 and ours.forward:
-            rows = self._near_end(rows, group, sessions, _Wanted(own, wanted), int(frames.t.max()))
-        before = [np.roll(column, 1) for column in own[1:]]
-        for column, part in zip(before, zip(*(last[1:4] for last in lasts), strict=True), strict=True):
-            column[first] = part
-        past, number, place = (column[rows] for column in before)
-        mine = _Frames(*(column[rows] for column in own))
-        each = np.maximum(mine.t - self._since[sessions[0].bus], 0) // mine.place
-        window = np.clip(FEW * each, WINDOW, WIDEST)
-        code, node = np.array([(session.code, session.node) for session in sessions], np.int64)[group[rows]].T
-        behind = ((mine.tail & _FOLLOWS).astype(np.int64), wanted[rows].astype(np.int64))
-        none, void = np.full(len(rows), -1), np.zeros(len(rows), bool)
-        found = LackRows(code, node, number, mine.number, past, mine.t, place, mine.place, *behind, window, none, void)
+        begins, count = summed(starts, last["begun"]), summed(odd, last["odd"])
+        odd &= (_HABIT * count <= begins) | ~of_service(codes)[group]
+        odd &= (tail & TAIL_END == 0) | ~starts | ~of_responses(codes)[group]
+        lacks = np.flatnonzero(odd)
+        bus = int(codes[0]) >> CODE_BITS
+        if len(lacks) and len(self._senders[bus]) == 1 and ours.forward:
+            lacks = self._near_end(lacks, codes[group[lacks]], _Wanted(own, wanted), int(frames.t.max()))
+        before = {name: np.roll(getattr(own, name), 1) for name in ("t", "number", "place")}
+        for name, column in before.items():
+            column[first] = last[name]
+        mine = _Frames(*(column[lacks] for column in own))
+        each = np.maximum(mine.t - self._since[bus], 0) // mine.place
+        code = codes[group[lacks]]
+        none = np.full(len(lacks), -1)
         ends = np.append(first[1:], len(which)) - 1
-        columns = (column[ends].tolist() for column in (*own, count, begins))
-        self._last.update(zip(sessions, map(_Last._make, zip(*columns, strict=True)), strict=True))
-        return found
+        self._last.set(codes, **{name: column[ends] for name, column in own._asdict().items()},
+                       odd=count[ends], begun=begins[ends])  # fmt: skip
+        return LackRows(
+            code, node_of(code), before["number"][lacks], mine.number, before["t"][lacks], mine.t,
+            before["place"][lacks], mine.place, (mine.tail & _FOLLOWS).astype(np.int64),
+            wanted[lacks].astype(np.int64), np.clip(FEW * each, WINDOW, WIDEST), none, np.zeros(len(lacks), bool),
+        )  # fmt: skip
 
-    def _near_end(self, rows: Array, group: Array, sessions: Sequence[Session], own: _Wanted, end: int) -> Array:
+    def _near_end(self, rows: Array, codes: Array, own: _Wanted, end: int) -> Array:
         """Leave out of what the only sender of a bus lacks what no later one can lack together with it.
 
         Where frames may have come in another order nothing is left out.
 
         Args:
             rows: of frames behind which something is missing.
-            group: which of the sessions each frame is of.
-            sessions: these.
+            codes: of their sessions.
             own: the frames.
             end: the time of the last frame.
         """
         tail, wanted = own.frames.tail[rows] & _FOLLOWS, own.wanted[rows]
-        which = group[rows]
-        first = np.flatnonzero(np.diff(which, prepend=-1))
-        again = tail[1:] == wanted[:-1]
+        first = np.flatnonzero(np.diff(codes, prepend=-1))
+        sessions = codes[first]
+        again = np.append(tail[1:] == wanted[:-1], False)
         again[first[1:] - 1] = False
         keep = own.frames.t[rows] >= end - _REACH
         keep[:-1] |= keep[1:]
-        for low, high in zip(first.tolist(), np.append(first[1:], len(rows)).tolist(), strict=True):
-            session = sessions[which[low]]
-            past = self._latest.get(session.code)
-            if again[low : high - 1].any() or (past is not None and (past.void or past.wanted == tail[low])):
-                keep[low:high] = True
-            elif not keep[low:high].all():
-                self._latest.pop(session.code, None)
+        whole = np.logical_or.reduceat(again, first) | (self._last.look_up("void", sessions) != 0)
+        whole |= self._last.look_up("wanted", sessions) == tail[first]
+        keep |= np.repeat(whole, np.diff(first, append=len(rows)))
+        forget = sessions[~np.logical_and.reduceat(keep, first)]
+        self._last.set(forget, **{name: np.full(len(forget), none) for name, none in LATEST.items()})
         return rows[keep]
 
 
-def _frames(frames: FrameTable, ours: BusFrames, mine: Array | slice, base: int) -> _Frames:
+def _frames(frames: FrameTable, ours: BusFrames, mine: Array, base: int) -> _Frames:
     """Return frames of sessions; `base` are those of the bus before the batch."""
     rows = ours.row[mine]
     return _Frames(ours.tail[mine], frames.t[rows], rows + frames.first, ours.place[mine] + base)
 
 
-def _of_sessions(frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> tuple[Array, _Frames]:
+def _of_sessions(frames: FrameTable, ours: BusFrames, some: Array, base: int) -> tuple[Array, _Frames]:
     """Return frames of some sessions that are no error frames, and which of the sessions each is of."""
-    first = np.array(ours.first, np.int64)
-    begins, counts = first[some], np.diff(first)[some]
+    begins, counts = ours.first[some], np.diff(ours.first)[some]
     which = np.repeat(np.arange(len(some)), counts)
     mine = np.arange(len(which)) + (begins - (np.cumsum(counts) - counts))[which]
     good = frames.flags[ours.row[mine]] & ERROR == 0
@@ -240,8 +239,8 @@ def _of_sessions(frames: FrameTable, ours: BusFrames, some: Sequence[int], base:
 def _odd(ours: BusFrames) -> Array:
     """Return of which sessions there are frames that do not follow the one before them in the batch."""
     odd = _odd_behind(ours.tail[:-1], ours.tail[1:])
-    odd[np.array(ours.first[1:-1], np.int64) - 1] = False
-    found = np.zeros(len(ours.sessions), bool)
+    odd[ours.first[1:-1] - 1] = False
+    found = np.zeros(len(ours.codes), bool)
     found[np.searchsorted(ours.first, np.flatnonzero(odd), "right") - 1] = True
     return found
 

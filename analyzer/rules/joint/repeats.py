@@ -121,7 +121,7 @@ def _kinds(key: Array, tail: Array, places: Array) -> Array:
     kinds[some[high > low]] = _SEEN
     few = some[(high - low == 1) & (last - first <= _FEW)[some]]
     before = first[few, None] + np.arange(_FEW)
-    ids = tail[like[order[np.minimum(before, len(order) - 1)]]] & TAIL_ID
+    ids = tail[like[order[np.minimum(before, len(order) - 1)]]].astype(np.int64) & TAIL_ID
     bits = np.bitwise_or.reduce(np.where(before < last[few, None], 1 << ids, 0), axis=1)
     breaks = np.bitwise_count(bits & ~(bits >> 1 | (bits & 1) << TRANSFER_IDS - 1))
     kinds[few[(np.bitwise_count(bits) == (last - first)[few]) & (breaks <= 1)]] = _ONCE

@@ -31,10 +31,10 @@ class Silences:
             if one.longest <= LONGEST and int(t[0]) - last <= LONGEST:
                 continue
             whole = np.append(last, t)
-            for k in np.flatnonzero(np.diff(whole) > LONGEST).tolist():
-                known = self._known.setdefault(bus, [])
-                known.append((int(whole[k]), int(whole[k + 1])))
-                del known[:-_MOST]
+            at = np.flatnonzero(np.diff(whole) > LONGEST)[-_MOST:]
+            if len(at):
+                new = zip(whole[at].tolist(), whole[at + 1].tolist(), strict=True)
+                self._known[bus] = [*self._known.get(bus, ()), *new][-_MOST:]
 
     def shorten(self, bus: int, since: Array, until: Array) -> tuple[Array, Array]:
         """Let what is missing on a bus begin with the last silence.

@@ -11,8 +11,6 @@ from dissectors.kit import MILLISECOND, SECOND, times_by_bus
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from dissectors.kit import Array, BusTimes, View
 
 STEP = 100 * MILLISECOND  # in which the load is measured
@@ -27,18 +25,15 @@ _MOST_ERRORS = 1 << 16
 
 
 @dataclass(slots=True)
-class _Step:
-    """Bits in it, and the most bits a second in a row of frames that ended there."""
-
-    bits: int = 0
-    fastest: float = 0.0
-
-
-@dataclass(slots=True)
 class _Bus:
-    """The last steps, the fastest row of frames before those, and times and bits of the last frames."""
+    """The last steps, the fastest row of frames before those, and times and bits of the last frames.
 
-    steps: dict[int, _Step] = field(default_factory=dict)
+    Of each step, in their order: bits in it, and the most bits a second in a row of frames that ended there.
+    """
+
+    steps: Array = field(default_factory=lambda: np.empty(0, np.int64))
+    sent: Array = field(default_factory=lambda: np.empty(0, np.int64))
+    speed: Array = field(default_factory=lambda: np.empty(0))
     fastest: float = 0.0
     t: Array = field(default_factory=lambda: np.empty(0, np.int64))
     bits: Array = field(default_factory=lambda: np.empty(0, np.int64))
@@ -46,15 +41,18 @@ class _Bus:
     def add(self, times: BusTimes, bits: Array) -> None:
         """Add frames."""
         t, cuts = times.t, _cuts(times)
-        sums = np.add.reduceat(bits, cuts, dtype=np.int64).tolist()
+        sums = np.add.reduceat(bits, cuts, dtype=np.int64)
         if self.fastest > _INEXACT * _BIT_RATES[-2]:  # the highest bit rate, whatever comes
-            self.t, self.bits, fastest = t[:0], bits[:0], [0.0] * len(sums)
+            self.t, self.bits, speeds = t[:0], bits[:0], np.zeros(len(sums))
         else:
-            fastest = np.maximum.reduceat(self._speeds(t, bits), cuts).tolist()
-        for at, much, fast in zip((t[cuts] // STEP).tolist(), sums, fastest, strict=True):
-            known = self.steps.setdefault(at, _Step())
-            known.bits += much
-            known.fastest = max(known.fastest, fast)
+            speeds = np.maximum.reduceat(self._speeds(t, bits), cuts)
+        steps = np.concatenate((self.steps, t[cuts] // STEP))
+        order = np.argsort(steps, kind="stable")
+        steps = steps[order]
+        first = np.flatnonzero(np.append(True, steps[1:] != steps[:-1]))
+        self.steps = steps[first]
+        self.sent = np.add.reduceat(np.concatenate((self.sent, sums))[order], first)
+        self.speed = np.maximum.reduceat(np.concatenate((self.speed, speeds))[order], first)
 
     def _speeds(self, t: Array, bits: Array) -> Array:
         """Return bits a second of the row of frames that each one ends, 0 while there are too few."""
@@ -69,22 +67,22 @@ class _Bus:
 
     def forget(self, before: int) -> None:
         """Forget steps, but for how fast frames came in them."""
-        for at in [step for step in self.steps if step < before]:
-            self.fastest = max(self.fastest, self.steps.pop(at).fastest)
+        gone = int(np.searchsorted(self.steps, before))
+        self.fastest = float(self.speed[:gone].max(initial=self.fastest))
+        self.steps, self.sent, self.speed = self.steps[gone:], self.sent[gone:], self.speed[gone:]
 
     def full(self, since: Array, until: Array, bit_rate: int | None) -> Array:
         """Return a mask of the times between two steps in which the bus was full."""
-        order = np.array(sorted(self.steps), np.int64)
-        steps = [self.steps[at] for at in order.tolist()]
-        sent = np.append(0, np.cumsum([one.bits for one in steps], dtype=np.int64))
-        bits = sent[np.searchsorted(order, until, "right")] - sent[np.searchsorted(order, since)]
-        rate: int | Array = bit_rate or _RATES[self._needed(steps)[np.searchsorted(order, until, "right")]]
+        sent = np.append(0, np.cumsum(self.sent))
+        behind = np.searchsorted(self.steps, until, "right")
+        bits = sent[behind] - sent[np.searchsorted(self.steps, since)]
+        rate: int | Array = bit_rate or _RATES[self._needed()[behind]]
         found: Array = bits * float(SECOND) >= FULL * rate * STEP * (until + 1 - since)
         return found
 
-    def _needed(self, steps: Sequence[_Step]) -> Array:
+    def _needed(self) -> Array:
         """Return which usual bit rate the frames before the first step need, and those up to each one."""
-        fastest = np.maximum.accumulate([self.fastest, *(one.fastest for one in steps)])
+        fastest = np.maximum.accumulate(np.append(self.fastest, self.speed))
         return np.minimum(np.searchsorted(_LIMITS, fastest), len(_LIMITS) - 1)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.facts.identifiers import NOBODY
-from analyzer.rules.diagnosis.budgets import senders_of
+from analyzer.rules.diagnosis.budgets import senders_of, shapes_of
 from analyzer.rules.diagnosis.causes import Cause
 from analyzer.rules.diagnosis.checksums import CORRUPTED, one_bit_fits, starts_of
 from analyzer.rules.diagnosis.search import FrameLists
@@ -22,13 +22,13 @@ from analyzer.rules.transfers.incomplete import (
     turned_bit,
     values_of,
 )
+from analyzer.rules.transfers.lists import picked
 from analyzer.rules.view import MESSAGE
 from dissectors.kit import Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.rules.diagnosis.budgets import Shape
     from analyzer.rules.transfers.incomplete import Source
     from dissectors.kit import Array, TransferTable, Values, View
 
@@ -97,16 +97,16 @@ class Rows(NamedTuple):
         t, row = self.table, self.row
         return list(zip(*(column[row].tolist() for column in (t.bus, t.src, t.code)), strict=True))
 
-    def shapes(self) -> list[Shape]:
-        """Return frames and bytes of each that came."""
-        received = self.table.length[self.row] + 2 * self.table.has("crc_wire")[self.row]
-        return list(zip(self.frames.tolist(), received.tolist(), strict=True))
+    @property
+    def shapes(self) -> Array:
+        """Frames and bytes of each that came, a number each."""
+        received = self.table.length[self.row].astype(np.int64) + 2 * self.table.has("crc_wire")[self.row]
+        return shapes_of(self.frames, received)
 
     def lists(self) -> FrameLists:
         """Return their frames."""
         begins, numbers = self.table.frame_lists
-        offsets = np.concatenate(((0,), np.cumsum(self.frames, dtype=np.int64)))
-        places = np.arange(offsets[-1]) + np.repeat(begins[self.row] - offsets[:-1], self.frames)
+        offsets, places = picked(begins, self.row)
         return FrameLists(numbers[places], offsets, self.table.code[self.row], self.table.fd[self.row])
 
     def crc_and_payload(self, k: int) -> tuple[int, bytes]:

@@ -27,7 +27,7 @@ Source = tuple[int, int, int]  # bus, node, type
 
 
 class Incomplete(NamedTuple):
-    """A transfer, and the rule that it breaches."""
+    """A transfer, and the rule that it breaches; CRCs and payload are those of rules that both CRCs tell."""
 
     rule: str
     t: int
@@ -48,22 +48,17 @@ class Incomplete(NamedTuple):
         """Bus, node and type."""
         return self.bus, self.src, self.code
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Frames and bytes that came."""
-        return len(self.frames), self.received
-
 
 FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
 
 
 def take_row(t: TransferTable, rule: str, row: int, ended: str = "") -> Incomplete:
     """Return the transfer in a row of a batch, as breach of a rule."""
-    who = int(t.t[row]), int(t.bus[row]), int(t.src[row]), int(t.code[row]), bool(t.fd[row])
-    crc, end = bool(t.has("crc_wire")[row]), int(t.t_end[row])
-    wire, here = (int(t.crc_wire[row]), int(t.crc_here[row])) if crc and rule in BY_CRC else (0, 0)
-    received = int(t.length[row]) + 2 * crc
-    return Incomplete(rule, *who, t.frames(row), wire, here, t.payload(row), received, end, ended=ended)
+    who = t.t.item(row), t.bus.item(row), t.src.item(row), t.code.item(row), bool(t.fd.item(row))
+    crc, by_crc = bool(t.has("crc_wire").item(row)), rule in BY_CRC
+    wire, here = (t.crc_wire.item(row), t.crc_here.item(row)) if crc and by_crc else (0, 0)
+    received, payload = t.length.item(row) + 2 * crc, t.payload(row) if by_crc else b""
+    return Incomplete(rule, *who, t.frames(row), wire, here, payload, received, t.t_end.item(row), ended=ended)
 
 
 def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int] = ()) -> Occurrence:

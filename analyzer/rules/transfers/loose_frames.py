@@ -22,6 +22,9 @@ _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _BUS = 32  # bits below the bus in a session
 
 
+_KINDS = (*[np.int64] * 3, np.uint32, np.uint16, *[np.uint8] * 2, *[np.int16] * 2, np.int32, object)  # of its columns
+
+
 class LooseFrames(NamedTuple):
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
 
@@ -32,7 +35,6 @@ class LooseFrames(NamedTuple):
     number: Array
     session: Array
     t: Array
-    bus: Array
     id: Array
     flags: Array
     verdict: Array
@@ -45,7 +47,7 @@ class LooseFrames(NamedTuple):
     @classmethod
     def none(cls) -> LooseFrames:
         """Return no frames."""
-        return cls._make((*(np.empty(0, np.int64) for _ in cls._fields[:-1]), np.empty(0, object)))
+        return cls._make(np.empty(0, kind) for kind in _KINDS)
 
     @classmethod
     def of(cls, view: View, rows: Array, session: Array) -> LooseFrames:
@@ -53,19 +55,22 @@ class LooseFrames(NamedTuple):
         f = view.frames
         id_, flags, verdict = f.id[rows], f.flags[rows], f.verdict[rows]
         sender = who(id_, flags, np.where(verdict == _FOREIGN, _USED, verdict))
-        cells = f.t[rows], f.bus[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
-        columns = (column.astype(np.int64) for column in (rows + f.first, session, *cells))
-        return cls._make((*columns, np.full(len(rows), None)))
+        cells = rows + f.first, session, f.t[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
+        return cls._of((*cells, np.full(len(rows), None)))
 
     @classmethod
     def of_kept(cls, found: Iterable[tuple[int, int, Kept, int, int]]) -> LooseFrames:
         """Return frames of the recent past: number and session of each, node and type."""
         rows = [
-            (number, session, *kept[:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), node, code)
-            for number, session, kept, node, code in found
+            (number, session, kept.t, *kept[2:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), *who)
+            for number, session, kept, *who in found
         ]
         columns = np.array(rows, np.int64).reshape(-1, len(cls._fields) - 1).T
-        return cls._make((*columns, np.full(len(rows), None)))
+        return cls._of((*columns, np.full(len(rows), None)))
+
+    @classmethod
+    def _of(cls, columns: Iterable[Array]) -> LooseFrames:
+        return cls._make(column.astype(kind) for column, kind in zip(columns, _KINDS, strict=True))
 
     @classmethod
     def joined(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
@@ -79,6 +84,18 @@ class LooseFrames(NamedTuple):
     def take(self, rows: Array | slice) -> LooseFrames:
         """Return some of them."""
         return LooseFrames(*(column[rows] for column in self))
+
+    @property
+    def bus(self) -> Array:
+        """Their interfaces."""
+        found: Array = self.session >> _BUS
+        return found
+
+    def keep_lines(self, view: View, end: int) -> None:
+        """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
+        rows = np.flatnonzero(~self.lines.astype(bool) & (self.number < end))
+        for k, line in zip(rows.tolist(), view.each_line(self.number[rows]).tolist(), strict=True):
+            self.lines[k] = (line,) if line else ()
 
     @property
     def senders(self) -> Array:
@@ -103,8 +120,9 @@ class LooseFrames(NamedTuple):
     ) -> Occurrences:
         """Return them, whose lines are kept or not, as breaches of a rule; `values` are those of a row."""
         number, lines = self.number, self.lines
+        node, code = self.node.astype(np.int64), self.code.astype(np.int64)
         return Occurrences(
-            rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
+            rule=rule, t=self.t, bus=self.bus, node=node, type=code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
             lines=lines.item if all(lines.tolist()) else None,
         )  # fmt: skip

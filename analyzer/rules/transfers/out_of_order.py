@@ -18,8 +18,9 @@ from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
 from dissectors.frame_text import FrameNumber
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
+    from analyzer.rules.bus.keyed import KeyedRows
     from analyzer.rules.diagnosis.search import FrameSearch
     from dissectors.kit import Array, Kept, Occurrence, Occurrences, Values, View
 
@@ -50,7 +51,7 @@ class OutOfOrder:
         begun: time and first frame of each session's first transfer.
     """
 
-    def __init__(self, begun: Mapping[int, tuple[int, int]]) -> None:
+    def __init__(self, begun: KeyedRows) -> None:
         self._missing_start = MissingStart(begun)
         self._waiting: list[LooseFrames] = []
         self._budget = SearchBudget()
@@ -77,9 +78,6 @@ class OutOfOrder:
     def _report(self, view: View, frames: LooseFrames, *, last: bool = False) -> Iterator[Occurrences | Occurrence]:
         form, answers = self._search(view, frames)
         alone = (frames.verdict == ORPHAN) | ((frames.verdict == OTHER_ID) & (form == NOTHING))
-        self._missing_start.add(view, frames.take(alone))
-        if last:
-            self._missing_start.close()
         together: list[Occurrences] = []
         rows = np.flatnonzero((frames.verdict == COPY) & (form != NOTHING))
         if len(rows):
@@ -91,7 +89,7 @@ class OutOfOrder:
             values = partial(_other_id, view, others, found, form[rows])
             together.append(others.breaches("TRF-009", values, drops=True))
         together.sort(key=lambda one: int(one.frame[0]))
-        yield from self._missing_start.told(view, together)
+        yield from self._missing_start.add(view, frames.take(alone), together, last=last)
         if last:
             yield from self._missing_start.excused()
         yield from together

@@ -23,6 +23,7 @@ from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from analyzer.rules.diagnosis.causes import Cause
     from dissectors.kit import Array, Occurrence, Occurrences, TransferTable, View
 
 _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
@@ -30,6 +31,7 @@ _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
 )
 _NEXT = 20 * MILLISECOND  # in which the next frame of a transfer would have come
 _CLOSED = round(SECONDS * SECOND)  # behind its first frame
+_NOTED = np.array([form.what in NOTED for form in FORMS])
 T = TypeVar("T")
 _NEVER = (1 << 63) - 1  # the time of a frame that did not come
 
@@ -96,9 +98,9 @@ class Reassembly(Rule):
         found, cut = ask(view, BROKEN, rows.lists()), rows.rule == CUT
         proven = found.flags & PROVEN != 0
         elsewhere = found.flags & (ELSEWHERE | LATER if cut else ELSEWHERE) != 0
-        whats = np.where(elsewhere, NOTHING, found.form).tolist()
-        noted_causes = zip(rows.senders.tolist(), rows.shapes(), [FORMS[what].what for what in whats], strict=True)
-        self._causes[rows.rule].note_all(one for one, gone in zip(noted_causes, found.gone, strict=True) if not gone)
+        there = np.flatnonzero(~found.gone)
+        whats = np.where(elsewhere, NOTHING, found.kinds)
+        self._causes[rows.rule].note_all(*(column[there] for column in (rows.senders, rows.shapes, whats)))
         excused = _in_gaps(view, rows, np.where(found.gone, _NEVER, found.value))
         excused |= found.form == EVERY_ID_FORM
         # TRF-009 names the frames.
@@ -116,15 +118,17 @@ class Reassembly(Rule):
         """Yield transfers with the cause of earlier ones."""
         if not len(rows.row):
             return
-        known = self._causes[rows.rule].like_all(zip(rows.senders.tolist(), rows.shapes(), strict=True))
-        causes = {what: alike(what) for what in set(known)}
-        excused = _in_gaps(view, rows, np.full(len(known), _NEVER))
-        excused |= np.fromiter(map(NOTED.__contains__, known), bool, len(known))
-        told = np.fromiter(map(bool, known), bool, len(known))
+        known = self._causes[rows.rule].like_all(rows.senders, rows.shapes)
+        excused = _in_gaps(view, rows, np.full(len(known), _NEVER)) | _NOTED[known]
         for noted in (False, True):
-            which = np.flatnonzero(told & (excused == noted))
-            why = Why.of([causes[known[k]] for k in which.tolist()])
+            which = np.flatnonzero((known != NOTHING) & (excused == noted))
+            why = Why(known[which], partial(_alike, known[which]))
             yield from rows.take(which).occurrences(view, why, noted=noted, drops=True)
+
+
+def _alike(known: Array, k: int) -> Cause:
+    """Return the cause of one of those that are told like earlier ones."""
+    return alike(FORMS[known[k]].what)
 
 
 def _of(make: Callable[[int], T], which: Array, k: int) -> T:

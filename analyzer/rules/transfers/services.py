@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from bisect import insort
-from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from analyzer._native import Calls
+from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
+from analyzer.rules.recent import MOST_LINES
+from analyzer.rules.transfers.lists import picked, placed
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
-from dissectors.records import dataclass, field, replace
+from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator
 
-    from dissectors.kit import Array, Values, View
+    from analyzer._native import Cells
+    from dissectors.kit import Array, TransferTable, Values, View
 
 REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
@@ -27,86 +30,80 @@ _GONE = 2 * SECOND  # a server that sends nothing for so long lives no more
 LATE = 3 * SECOND  # a request can come out 2.0 s after its start, if its end was lost
 MOST = 256  # transfers of a link that wait
 MOST_LINKS = 1024  # older ones are left out
-_WHOLE = frozenset(STATUSES.index(word) for word in ("ok", "unchecked", "bad crc"))
+_WHOLE = np.array([word in {"ok", "unchecked", "bad crc"} for word in STATUSES])
 _NODES = 128
 # Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
 _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 
-_Link = tuple[int, int, int, int]
+_STRAY, _MISSED, _SLOW, _REPEATED, _PRIORITY = range(5)  # what the core says of a transfer
 
 
-@dataclass(slots=True, eq=False)
-class _Part:
-    """A request or response as a transfer; they are put in the order of their first frames.
+class _Parts(NamedTuple):
+    """Requests and responses, a row each; `numbers` from one of `offsets` to the next are the frames of each.
 
-    `lines` are those of a transfer of an earlier batch, whose frames may be gone when it is told.
+    `lines` are those of a transfer of an earlier batch, whose frames may be gone when it is told, else None.
     """
 
-    frames: Sequence[int]
-    kind: int
-    t: int
-    t_end: int
-    bus: int
-    node: int
-    code: int
-    priority: int
-    transfer_id: int
-    whole: bool
-    lines: tuple[str, ...] | None = None
+    t: Array
+    t_end: Array
+    bus: Array
+    src: Array
+    dst: Array
+    code: Array
+    priority: Array
+    transfer_id: Array
+    lines: Array
+    offsets: Array
+    numbers: Array
+
+    @classmethod
+    def none(cls) -> _Parts:
+        """Return no rows."""
+        cells = (np.empty(0, object if name == "lines" else np.int64) for name in cls._fields)
+        return cls._make(cells)._replace(offsets=np.zeros(1, np.int64))
+
+    @classmethod
+    def of(cls, t: TransferTable, rows: Array) -> _Parts:
+        """Return rows of a batch."""
+        columns = t.t, t.t_end, t.bus, t.src, t.dst, t.code, t.priority, t.transfer_id
+        own = (column[rows].astype(np.int64) for column in columns)
+        ends, numbers = t.frame_lists
+        offsets, places = picked(ends.astype(np.int64), rows)
+        return cls._make((*own, np.full(len(rows), None), offsets, numbers[places].astype(np.int64)))
+
+    def joined(self, more: _Parts) -> _Parts:
+        """Return these and others behind them."""
+        columns = map(np.concatenate, zip(self[:-2], more[:-2], strict=True))
+        offsets = np.concatenate((self.offsets, more.offsets[1:] + self.offsets[-1]))
+        return _Parts._make((*columns, offsets, np.concatenate((self.numbers, more.numbers))))
+
+    def take(self, rows: Array) -> _Parts:
+        """Return some of them."""
+        offsets, places = picked(self.offsets, rows)
+        return _Parts._make((*(column[rows] for column in self[:-2]), offsets, self.numbers[places]))
 
     @property
-    def first(self) -> int:
-        """The number of the first frame."""
-        return self.frames[0]
+    def first(self) -> Array:
+        """The number of the first frame of each."""
+        return self.numbers[self.offsets[:-1]]
 
-    def evidence(self, view: View) -> tuple[str, ...]:
-        """Return it as candump writes it."""
-        return view.lines(self.frames) if self.lines is None else self.lines
+    def frames(self, k: int) -> tuple[int, ...]:
+        """Return the numbers of the frames of one."""
+        return tuple(self.numbers[self.offsets.item(k) : self.offsets.item(k + 1)].tolist())
 
-
-@dataclass(slots=True)
-class _Call:
-    """A request, its first response, and whether its silence was reported; a damaged one needs no answer."""
-
-    request: _Part
-    server: int
-    response: _Part | None = None
-    missed: bool = False
-
-    @property
-    def waits(self) -> bool:
-        """Return whether its silence may be reported."""
-        one = self.request
-        return one.whole and self.response is None and not self.missed and one.t_end != NO_TIME
-
-
-@dataclass(slots=True)
-class _Talk:
-    """The calls of one client and one server for one service: what waits, and calls by transfer ID."""
-
-    client: int
-    server: int
-    waiting: list[_Part] = field(default_factory=list)
-    calls: dict[int, _Call] = field(default_factory=dict)
-    asked: bool = False
-    answered: bool = False
-
-    def add(self, part: _Part) -> None:
-        """Add a transfer to those that wait."""
-        if self.waiting and part.first < self.waiting[-1].first:
-            insort(self.waiting, part, key=_first)
-        else:
-            self.waiting.append(part)
+    def evidence(self, view: View, k: int) -> tuple[str, ...]:
+        """Return one as candump writes it."""
+        kept: tuple[str, ...] | None = self.lines[k]
+        return view.lines(self.frames(k)) if kept is None else kept
 
     def keep_lines(self, view: View) -> None:
-        """Keep the lines of what is not told yet."""
-        both = (part for call in self.calls.values() for part in (call.request, call.response) if part is not None)
-        for part in (*self.waiting, *both):
-            if part.lines is None:
-                part.lines = view.lines(part.frames)
-
-
-_first = attrgetter("first")
+        """Keep the lines of those of this batch."""
+        rows = np.flatnonzero(self.lines == None)  # noqa: E711 - of each one
+        begin = self.offsets[rows]
+        ends, places = placed(begin, np.minimum(self.offsets[rows + 1] - begin, MOST_LINES))
+        every = view.each_line(self.numbers[places]).tolist()
+        for k, low, high in zip(rows.tolist(), ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            self.lines[k] = tuple(filter(None, every[low:high]))
 
 
 class Services(Rule):
@@ -120,12 +117,10 @@ class Services(Rule):
     rules: ClassVar[tuple[str, ...]] = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 
     def __init__(self) -> None:
-        self._talks: dict[_Link, _Talk] = {}
-        self._heard: set[int] = set()
-        self._held: set[_Link] = set()
+        self._calls = Calls(ANSWER, SLOW, OPEN, LATE, MOST, MOST_LINKS)
+        self._kept = _Parts.none()  # what may still be told
         self._nodes = HeardNodes(_GONE)
         self._now = NO_TIME
-        self._missed: list[_Call] = []  # with this batch
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield calls of this batch, and those whose time is over."""
@@ -135,153 +130,96 @@ class Services(Rule):
         if not len(t):
             return
         now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
-        new = _first_heard(t.bus.astype(np.int64) * _NODES + t.src)
         rows = np.flatnonzero(t.kind >= REQUEST)
-        ends, numbers = t.frame_lists
-        columns = t.src, t.dst, t.type_id, t.kind, t.t, t.t_end, t.bus, t.code, t.priority, t.transfer_id, t.status
-        parts = (rows, ends[rows], ends[rows + 1], now[rows], *(column[rows] for column in columns))
-        talks = self._talks
-        changed: dict[_Link, None] = {}
-        for row, begin, end, self._now, src, dst, type_id, *cells in zip(
-            *(column.tolist() for column in parts), strict=True
-        ):
-            while new and new[-1][0] < row:
-                self._heard.add(new.pop()[1])
-            kind, at, at_end, bus, code, priority, transfer_id, status = cells
-            frames = tuple(numbers[begin:end].tolist())
-            part = _Part(frames, kind, at, at_end, bus, src, code, priority, transfer_id, status in _WHOLE)
-            client, server = (src, dst) if kind == REQUEST else (dst, src)
-            link = (bus, type_id, client, server)
-            talk = talks.get(link)
-            if talk is None:
-                if len(talks) >= MOST_LINKS:
-                    yield from self._settled(talks.pop(next(iter(talks))), view)
-                talk = talks[link] = _Talk(client, server)
-            changed[link] = None
-            yield from self._release(talk, link, view)
-            talk.add(part)
-            talk.asked |= kind == REQUEST
-            talk.answered |= kind == RESPONSE
-            if len(talk.waiting) > MOST:
-                yield from self._next(talk, talk.waiting.pop(0), view)
-        self._heard.update(node for _, node in new)
-        self._now = int(now[-1])
-        for link, talk in talks.items():
-            yield from self._release(talk, link, view)
-        yield from self._unanswered(view)
-        for link in changed:
-            if link in talks:
-                talks[link].keep_lines(view)
+        new = _Parts.of(t, rows)
+        asks = t.kind[rows] == REQUEST
+        client, server = np.where(asks, new.src, new.dst), np.where(asks, new.dst, new.src)
+        link = new.bus << 32 | t.type_id[rows].astype(np.int64) << 16 | client << 8 | server
+        small = (column.astype(np.uint8) for column in (new.transfer_id, new.priority, asks, _WHOLE[t.status[rows]]))
+        given = link, new.first, new.t, new.t_end, now[rows], *small, rows
+        parts, self._now = self._kept.joined(new), int(now[-1])
+        heard = _first_heard(t.bus.astype(np.int64) * _NODES + t.src)
+        found = self._calls.feed(given, heard, len(self._kept.t), self._now, view.end)
+        yield from self._told(view, parts, found)
+        self._kept = parts.take(cells(self._calls.living(), np.int64))
+        self._kept.keep_lines(view)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what the end of the capture leaves open."""
-        for talk in self._talks.values():
-            yield from self._settled(talk, view)
-        yield from self._unanswered(view)
+        yield from self._told(view, self._kept, self._calls.finish(view.end))
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
         frames = view.frames
         rows = np.flatnonzero((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0))
-        for code in distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK):
-            if len(self._held) < MOST_LINKS:
-                self._held.add((code >> 32, code >> 16 & 0xFF, code >> 8 & 0x7F, code & 0x7F))
+        self._calls.hold(
+            np.array(distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK), np.int64)
+        )
 
-    def _release(self, talk: _Talk, link: _Link, view: View) -> Iterator[Occurrence]:
-        """Judge what has waited long enough, and reports calls that can no longer be answered."""
-        if self._now == NO_TIME or not talk.asked:
-            return
-        if not talk.answered and (link in self._held or link[0] * _NODES + talk.server not in self._heard):
-            return
-        until = self._now - LATE
-        while talk.waiting and talk.waiting[0].t < until:
-            yield from self._next(talk, talk.waiting.pop(0), view)
-        if not talk.calls:
-            return
-        for call in talk.calls.values():
-            self._judge(call, until, view)
-        talk.calls = {key: call for key, call in talk.calls.items() if until - call.request.t <= OPEN}
+    def _told(self, view: View, parts: _Parts, found: tuple[Cells, Cells, Cells]) -> Iterator[Occurrences | Occurrence]:
+        """Yield what the core says of transfers."""
+        kind, part, other = (cells(column, np.int64) for column in found)
+        single = kind != _MISSED
+        for what, k, beside in zip(*(column[single].tolist() for column in (kind, part, other)), strict=True):
+            transfer_id, priority = parts.transfer_id.item(k), parts.priority.item(k)
+            if what == _STRAY:
+                yield from _stray(view, parts, k)
+            elif what == _SLOW:
+                seconds = (parts.t_end.item(k) - parts.t_end.item(beside)) / SECOND
+                yield _about(view, "TRF-023", parts, k, {"seconds": seconds}, beside)
+            elif what == _REPEATED:
+                yield _about(view, "TRF-024", parts, k, {"transfer_id": transfer_id}, beside)
+            else:
+                values = {"expected": parts.priority.item(beside), "priority": priority}
+                yield _about(view, "TRF-025", parts, k, values, beside)
+        missed = part[~single]
+        if len(missed):
+            yield from self._unanswered(view, parts.take(missed))
 
-    def _settled(self, talk: _Talk, view: View) -> Iterator[Occurrence]:
-        """Yield all that waits, and what is still open at the end."""
-        for part in talk.waiting:
-            yield from self._next(talk, part, view)
-        for call in talk.calls.values():
-            self._judge(call, view.end, view)
-
-    def _next(self, talk: _Talk, part: _Part, view: View) -> Iterable[Occurrence]:
-        """Take the next transfer in the order of the capture; return what is wrong about it."""
-        call = talk.calls.get(part.transfer_id)
-        if part.kind == REQUEST:
-            if call is not None:
-                self._judge(call, part.t, view)
-            talk.calls[part.transfer_id] = _Call(part, talk.server)
-        elif part.whole:
-            return self._answer(talk, call, part, view)
-        return ()
-
-    def _answer(self, talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
-        if call is None or part.t - call.request.t > OPEN:
-            begun = NO_TIME if part.t == NO_TIME else max(view.starts[part.bus], view.resumed(part.t))
-            early = part.t == NO_TIME or part.t - begun < OPEN
-            if early and view.cut_in:
-                return
-            stray = _about(view, "TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
-            yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
+    def _unanswered(self, view: View, parts: _Parts) -> Iterator[Occurrences]:
+        """Report calls without an answer, unless that may have come in a gap."""
+        until = parts.t_end + ANSWER
+        alive = ~self._nodes.all_silent(parts.bus, parts.dst, until, view.end)
+        if view.paused(int(parts.t_end.min()), int(until.max())):  # else there is no gap anywhere near
+            for k in np.flatnonzero(alive).tolist():
+                alive[k] = not view.paused(parts.t_end.item(k), until.item(k))
+        rows = np.flatnonzero(alive)
+        if not len(rows):
             return
-        request = call.request
-        timed = NO_TIME not in (part.t_end, request.t_end)
-        delay = part.t_end - request.t_end if timed else 0
-        if call.response is None:
-            self._judge(call, part.t_end, view)
-            call.response = part
-            if delay > SLOW:
-                yield _about(view, "TRF-023", part, {"seconds": delay / SECOND}, request)
-        else:
-            yield _about(view, "TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
-        if part.priority != request.priority:
-            values = {"expected": request.priority, "priority": part.priority}
-            yield _about(view, "TRF-025", part, values, request)
-
-    def _judge(self, call: _Call, now: int, view: View) -> None:
-        """Note a call once that `now` has waited too long; its answer may have come in a gap."""
-        if not call.waits or now == NO_TIME:
-            return
-        request = call.request
-        call.missed = now - request.t_end > ANSWER
-        if call.missed:
-            until = request.t_end + ANSWER
-            gone = self._nodes.silent(request.bus, call.server, until, view.end)
-            if not gone and not view.paused(request.t_end, until):
-                self._missed.append(call)
-
-    def _unanswered(self, view: View) -> Iterator[Occurrences]:
-        """Report the calls that were noted."""
-        if not self._missed:
-            return
-        missed, self._missed = self._missed, []
-        parts = [call.request for call in missed]
-        cells = ((one.t, one.bus, one.node or NOBODY, one.code, one.first, one.t_end + ANSWER) for one in parts)
-        t, bus, node, code, frame, until = (np.array(column, np.int64) for column in zip(*cells, strict=True))
+        missed = parts.take(rows)
         yield Occurrences(
-            rule="TRF-022", t=t, bus=bus, node=node, type=code, frame=frame,
-            values=lambda k: {"dst": missed[k].server, "limit_s": ANSWER / SECOND},
-            frames=lambda k: parts[k].frames, drops=True, until=until, each_named=True,
-            lines=lambda k: parts[k].evidence(view),
+            rule="TRF-022", t=missed.t, bus=missed.bus, node=np.where(missed.src, missed.src, NOBODY),
+            type=missed.code, frame=missed.first,
+            values=lambda k: {"dst": missed.dst.item(k), "limit_s": ANSWER / SECOND},
+            frames=missed.frames, drops=True, until=until[rows], each_named=True,
+            lines=lambda k: missed.evidence(view, k),
         )  # fmt: skip
 
 
-def _first_heard(who: Array) -> list[tuple[int, int]]:
-    """Return the first row of each node, and the node; the last first."""
+def _first_heard(who: Array) -> tuple[Array, Array]:
+    """Return the first row of each node in order, and the node."""
     order, begins = by_key(who)
-    rows = order[begins]
-    return sorted(zip(rows.tolist(), who[rows].tolist(), strict=True), reverse=True)
+    rows = np.sort(order[begins])
+    return rows, who[rows]
 
 
-def _about(view: View, rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:
+def _stray(view: View, parts: _Parts, k: int) -> Iterator[Occurrence]:
+    """Yield a response without a request, unless that was before a window began."""
+    t = parts.t.item(k)
+    begun = NO_TIME if t == NO_TIME else max(view.starts[parts.bus.item(k)], view.resumed(t))
+    early = t == NO_TIME or t - begun < OPEN
+    if early and view.cut_in:
+        return
+    values = {"transfer_id": parts.transfer_id.item(k), "dst": parts.dst.item(k)}
+    stray = _about(view, "TRF-021", parts, k, values)
+    yield replace(stray, severity="note" if early else None, drops=True, since=t - OPEN)
+
+
+def _about(view: View, rule: str, parts: _Parts, k: int, values: Values, other: int | None = None) -> Occurrence:
     """Return one breach, with the transfer it is compared with behind it."""
-    frames, lines = part.frames, part.evidence(view)
+    frames, lines = parts.frames(k), parts.evidence(view, k)
     if other is not None:
-        frames, lines = (*frames, *other.frames), (*lines, *other.evidence(view))
-    type_ = view.type_name(part.code)
-    return Occurrence(rule, part.t, part.bus, part.node or None, type_, frames, values, lines=lines)
+        frames, lines = (*frames, *parts.frames(other)), (*lines, *parts.evidence(view, other))
+    type_ = view.type_name(parts.code.item(k))
+    who = parts.t.item(k), parts.bus.item(k), parts.src.item(k) or None
+    return Occurrence(rule, *who, type_, frames, values, lines=lines)

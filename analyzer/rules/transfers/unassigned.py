@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.facts.identifiers import who
+from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS
-from dissectors.kit import SESSION, Rule
+from dissectors.kit import NO_TIME, SESSION, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _CLOSE = 64  # frames before a start in which the one before it is looked for
-_AT_ONCE = 1 << 12  # starts for which that is done
+_AT_ONCE = 1 << 10  # starts for which that is done
 _WIDTH = SESSION.bit_length()
 MOST_SESSIONS = 1 << 16
 MOST_HELD = 4096
@@ -42,9 +43,13 @@ class _Held(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence[_Held]) -> _Held:
         """Return several in the order of their numbers."""
+        parts = [one for one in parts if len(one.kinds)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
         frames = LooseFrames(*map(np.concatenate, zip(*(one.frames for one in parts), strict=True)))
-        kinds = np.concatenate([one.kinds for one in parts])
-        return cls(frames, kinds).take(np.argsort(frames.number, kind="stable"))
+        whole = cls(frames, np.concatenate([one.kinds for one in parts]))
+        ordered = bool((frames.number[1:] >= frames.number[:-1]).all())
+        return whole if ordered else whole.take(np.argsort(frames.number, kind="stable"))
 
     def take(self, rows: Array | slice) -> _Held:
         """Return some of them."""
@@ -57,16 +62,16 @@ class UnassignedFrames(Rule):
     rules = ("CAN-002", "CAN-003", "CAN-005", "CAN-008", "CAN-009", "TRF-002", "TRF-004", "TRF-005", "TRF-009")
 
     def __init__(self) -> None:
-        self._begun: dict[int, tuple[int, int]] = {}
-        self._held = _Held(LooseFrames.none(), np.empty(0, np.int64))
+        self._begun = KeyedRows({"t": NO_TIME, "lead": -1}, MOST_SESSIONS)
+        self._held = _Held(LooseFrames.none(), np.empty(0, np.int16))
         self._out_of_order = OutOfOrder(self._begun)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield frames of this batch, and earlier ones that became certain."""
-        self._keep_lines(view)
+        self._held.frames.keep_lines(view, view.frames.first)  # those that still wait
         ready = [self._corrected(view)]
         if self._follow(view):
-            ready.append(self._let_go(self._certain(self._held.frames.session)))
+            ready.append(self._let_go(self._begun.has(self._held.frames.session)))
         yield from self._report(_Held.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
@@ -83,9 +88,11 @@ class UnassignedFrames(Rule):
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
         frames = LooseFrames.of(view, rows, session)
         new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
-        certain = self._certain(session)
-        yield from self._report(new.take(certain))
-        self._held = _Held.joined((self._held, new.take(~certain)))
+        certain = self._begun.has(session)
+        told, wait = new.take(certain), new.take(~certain)
+        del frames, new, session, rows, odd  # they are large
+        yield from self._report(told)
+        self._held = _Held.joined((self._held, wait))
         over = len(self._held.kinds) - MOST_HELD
         if over > 0:
             yield from self._report(self._let_go(np.arange(len(self._held.kinds)) < over))
@@ -99,20 +106,12 @@ class UnassignedFrames(Rule):
         """Note first transfers of sessions; whether there were any."""
         t = view.transfers
         rows = np.flatnonzero(~t.has("step"))
-        if not len(rows) or len(self._begun) >= MOST_SESSIONS:
+        if not len(rows) or not self._begun.room:
             return False
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
         service = type_id << 16 | (kind == 2) << 15 | t.dst[rows].astype(np.int64) << 8 | 0x80 | src
         session = t.bus[rows].astype(np.int64) << 32 | np.where(kind > 1, service, type_id << 8 | src)
-        before = len(self._begun)
-        for key, row in zip(session.tolist(), rows.tolist(), strict=True):
-            if key not in self._begun:
-                self._begun[key] = int(t.t[row]), int(t.lead[row])
-        return len(self._begun) > before
-
-    def _certain(self, session: Array) -> Array:
-        """Return which sessions have begun."""
-        return np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(session))
+        return self._begun.add(session, t=t.t[rows], lead=t.lead[rows]) > 0
 
     def _let_go(self, mask: Array) -> _Held:
         """Return some of those that are held, which wait no longer."""
@@ -136,12 +135,6 @@ class UnassignedFrames(Rule):
         frames = LooseFrames.of_kept(found)
         return _Held(frames, _kinds(view, frames, late.anomaly[np.array(rows, np.int64)]))
 
-    def _keep_lines(self, view: View) -> None:
-        """Keep the frames that still wait: they may be gone when they are told."""
-        numbers, lines = self._held.frames.number, self._held.frames.lines
-        for k in np.flatnonzero(~lines.astype(bool)).tolist():
-            lines[k] = view.lines((numbers.item(k),))
-
     def _report(self, held: _Held) -> Iterator[Occurrences]:
         frames = held.frames
         if not len(frames.number):
@@ -157,9 +150,9 @@ class UnassignedFrames(Rule):
 
 def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     """Return which kinds frames are of: bits in their order."""
-    found = np.zeros(len(anomaly), np.int64)
+    found = np.zeros(len(anomaly), np.int16)
     for k, kind in enumerate(_KINDS):
-        found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int64(1 << k)
+        found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int16(1 << k)
     starts = np.flatnonzero(found & _STARTS)
     later = _goes_on(view, frames.take(starts))
     found[starts] &= ~np.where(later, 1 << _WRONG_START, 1 << _GOES_ON)

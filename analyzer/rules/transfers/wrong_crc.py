@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.diagnosis import checksums
-from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget, alike
+from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget, alike, senders_of, shapes_of
 from analyzer.rules.diagnosis.causes import GONE, NOTED, NOTHING, OTHER_ID_FORM, SHORT, Cause
 from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.formulas import Formulas
@@ -114,15 +114,14 @@ class WrongCrcs:
         """Tell of some that are searched no more what was found of others."""
         if not len(rows.row):
             return
-        _, first, kind, counts = np.unique(rows.senders, return_index=True, return_inverse=True, return_counts=True)
+        _, first, counts = np.unique(rows.senders, return_index=True, return_counts=True)
         sources = rows.take(first).sources()
         for source, count in zip(sources, counts.tolist(), strict=True):
             yield from self._damage(source, count)
         turned = rows.turned()
         self._told.add_all(rows.take(turned), [_TURNED] * np.count_nonzero(turned))
-        rows, kind = rows.take(~turned), kind[~turned]
-        of = [sources[k] for k in kind.tolist()]
-        whats = self._causes.like_all(zip(of, rows.shapes(), strict=True))
+        rows = rows.take(~turned)
+        whats = [self._causes.whats[k] for k in self._causes.like_all(rows.senders, rows.shapes).tolist()]
         likes = {what: Said(alike(what), noted=what in NOTED, drops=True) for what in set(whats)}
         for noted in (False, True):
             some = np.array([bool(what) and likes[what].noted == noted for what in whats], bool)
@@ -202,7 +201,8 @@ class WrongCrcs:
             said = Said(answer.cause(), drops=True)
         else:
             said = Said(bit if flags & LENGTHS else Cause(checksums.DOUBTFUL), drops=True)
-        self._causes.note(one.source, one.shape, said.cause.what)
+        shape = shapes_of(len(one.frames), one.received)
+        self._causes.note(int(senders_of(*one.source)), int(shape), said.cause.what)
         return [said]
 
     def _common(self, view: View, one: Incomplete) -> Cause | None:

@@ -1,0 +1,400 @@
+//! Requests and responses of services: which belong together, and which are late or missing.
+//!
+//! A transfer comes out when its session is proven, a request perhaps long after its response: each waits, and they are
+//! taken in the order of their first frames.
+#![forbid(unsafe_code)]
+
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+
+const NO_TIME: i64 = i64::MIN;
+const NODES: i64 = 128;
+
+/// Times in ns: after which a client gives up, a response is slow, it belongs to no request any more, and none that comes
+/// before can still come out. At most so many transfers of a link wait, and so many links are followed.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    pub answer: i64,
+    pub slow: i64,
+    pub open: i64,
+    pub late: i64,
+    pub waiting: usize,
+    pub links: usize,
+}
+
+/// A request or response. `id` is whatever its events are to be called, `first` the number of its first frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    pub id: i64,
+    pub first: i64,
+    pub t: i64,
+    pub t_end: i64,
+    pub transfer_id: u8,
+    pub priority: u8,
+    pub asks: bool,
+    pub whole: bool,
+}
+
+/// What there is to say of a transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    /// A response without a request.
+    Stray,
+    /// A request without a response.
+    Missed,
+    Slow,
+    Repeated,
+    OtherPriority,
+}
+
+/// What is said of a transfer, and the one that it is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    pub kind: Kind,
+    pub part: i64,
+    pub other: Option<i64>,
+}
+
+/// A request and its first response; a damaged one needs no answer.
+#[derive(Clone, Debug)]
+struct Call {
+    request: Part,
+    response: Option<i64>,
+    missed: bool,
+}
+
+impl Call {
+    /// Notes that there is no response once `now` has waited too long for it.
+    fn judge(&mut self, now: i64, limits: &Limits, events: &mut Vec<Event>) {
+        let Part { id, t_end, whole, .. } = self.request;
+        let waits = whole && self.response.is_none() && !self.missed && t_end != NO_TIME;
+        if waits && now != NO_TIME && now.saturating_sub(t_end) > limits.answer {
+            self.missed = true;
+            events.push(Event {
+                kind: Kind::Missed,
+                part: id,
+                other: None,
+            });
+        }
+    }
+}
+
+impl Call {
+    fn answer(&mut self, part: &Part, limits: &Limits, events: &mut Vec<Event>) {
+        let request = self.request;
+        let timed = part.t_end != NO_TIME && request.t_end != NO_TIME;
+        let say = |kind, other: i64| Event {
+            kind,
+            part: part.id,
+            other: Some(other),
+        };
+        if let Some(response) = self.response {
+            events.push(say(Kind::Repeated, response));
+        } else {
+            self.judge(part.t_end, limits, events);
+            self.response = Some(part.id);
+            if timed && part.t_end.saturating_sub(request.t_end) > limits.slow {
+                events.push(say(Kind::Slow, request.id));
+            }
+        }
+        if part.priority != request.priority {
+            events.push(say(Kind::OtherPriority, request.id));
+        }
+    }
+}
+
+/// The calls of one client and one server for one service: what waits, and calls by transfer ID.
+#[derive(Clone, Debug, Default)]
+struct Talk {
+    waiting: VecDeque<Part>,
+    calls: Vec<Call>,
+    asked: bool,
+    answered: bool,
+}
+
+impl Talk {
+    fn add(&mut self, part: Part) {
+        let at = self.waiting.partition_point(|one| one.first <= part.first);
+        self.waiting.insert(at, part);
+        self.asked |= part.asks;
+        self.answered |= !part.asks;
+    }
+
+    /// Takes the next transfer in the order of the capture.
+    fn next(&mut self, limits: &Limits, events: &mut Vec<Event>) {
+        let Some(part) = self.waiting.pop_front() else { return };
+        let id = part.transfer_id;
+        let call = self.calls.iter_mut().find(|call| call.request.transfer_id == id);
+        match call {
+            Some(call) if part.asks => {
+                call.judge(part.t, limits, events);
+                *call = Call::from(part);
+            }
+            None if part.asks => self.calls.push(Call::from(part)),
+            _ if !part.whole => {}
+            Some(call) if part.t.saturating_sub(call.request.t) <= limits.open => call.answer(&part, limits, events),
+            _ => events.push(Event {
+                kind: Kind::Stray,
+                part: part.id,
+                other: None,
+            }),
+        }
+    }
+
+    /// Takes all that waits since before a time, and judges the calls that are open.
+    fn release(&mut self, until: i64, limits: &Limits, events: &mut Vec<Event>) {
+        while self.waiting.front().is_some_and(|part| part.t < until) {
+            self.next(limits, events);
+        }
+        for call in &mut self.calls {
+            call.judge(until, limits, events);
+        }
+        self.calls
+            .retain(|call| until.saturating_sub(call.request.t) <= limits.open);
+    }
+
+    /// Takes all that waits, and what is still open at the end.
+    fn settle(&mut self, end: i64, limits: &Limits, events: &mut Vec<Event>) {
+        while !self.waiting.is_empty() {
+            self.next(limits, events);
+        }
+        for call in &mut self.calls {
+            call.judge(end, limits, events);
+        }
+    }
+}
+
+impl From<Part> for Call {
+    fn from(request: Part) -> Self {
+        Call {
+            request,
+            response: None,
+            missed: false,
+        }
+    }
+}
+
+/// Follows the calls of all links: bus << 32 | service << 16 | client << 8 | server.
+#[derive(Clone, Debug)]
+pub struct Calls {
+    limits: Limits,
+    talks: HashMap<i64, Talk>,
+    order: BTreeMap<i64, i64>, // links as they were opened
+    opened: i64,
+    held: HashSet<i64>,
+    heard: HashSet<i64>,
+    now: i64,
+}
+
+impl Calls {
+    pub fn new(limits: Limits) -> Self {
+        Calls {
+            limits,
+            talks: HashMap::new(),
+            order: BTreeMap::new(),
+            opened: 0,
+            held: HashSet::new(),
+            heard: HashSet::new(),
+            now: NO_TIME,
+        }
+    }
+
+    /// There are frames that look like responses of a link, whether or not one is out yet.
+    pub fn hold(&mut self, link: i64) {
+        if self.held.len() < self.limits.links {
+            self.held.insert(link);
+        }
+    }
+
+    /// A transfer of a node, bus << 7 | node, has come out.
+    pub fn hear(&mut self, node: i64) {
+        self.heard.insert(node);
+    }
+
+    /// The time that the capture has come to.
+    pub fn go_on(&mut self, now: i64) {
+        self.now = now;
+    }
+
+    /// Adds a transfer of a link; `end` is the last time so far.
+    pub fn add(&mut self, link: i64, part: Part, end: i64, events: &mut Vec<Event>) {
+        if !self.talks.contains_key(&link) {
+            if self.talks.len() >= self.limits.links {
+                if let Some((_, oldest)) = self.order.pop_first() {
+                    if let Some(mut talk) = self.talks.remove(&oldest) {
+                        talk.settle(end, &self.limits, events);
+                    }
+                }
+            }
+            self.order.insert(self.opened, link);
+            self.talks.insert(link, Talk::default());
+            self.opened += 1;
+        }
+        self.release(link, events);
+        if let Some(talk) = self.talks.get_mut(&link) {
+            talk.add(part);
+            if talk.waiting.len() > self.limits.waiting {
+                talk.next(&self.limits, events);
+            }
+        }
+    }
+
+    /// Judges what has waited long enough.
+    pub fn release_all(&mut self, events: &mut Vec<Event>) {
+        for link in self.order.values().copied().collect::<Vec<_>>() {
+            self.release(link, events);
+        }
+    }
+
+    /// Judges everything, after the last transfer.
+    pub fn settle_all(&mut self, end: i64, events: &mut Vec<Event>) {
+        for link in self.order.values() {
+            if let Some(talk) = self.talks.get_mut(link) {
+                talk.settle(end, &self.limits, events);
+            }
+        }
+    }
+
+    /// The transfers that may still be told: from now on they are called by their places here.
+    pub fn living(&mut self) -> Vec<i64> {
+        let mut living = vec![];
+        let mut rename = |id: &mut i64| {
+            living.push(*id);
+            *id = living.len() as i64 - 1;
+        };
+        for link in self.order.values() {
+            let Some(talk) = self.talks.get_mut(link) else { continue };
+            talk.waiting.iter_mut().for_each(|part| rename(&mut part.id));
+            for call in &mut talk.calls {
+                rename(&mut call.request.id);
+                call.response.iter_mut().for_each(&mut rename);
+            }
+        }
+        living
+    }
+
+    /// A request waits for a sign of its server, and for a response that may have been sent, but is not out yet.
+    fn release(&mut self, link: i64, events: &mut Vec<Event>) {
+        let server = (link >> 32) * NODES + (link & (NODES - 1));
+        let Some(talk) = self.talks.get_mut(&link) else { return };
+        let silent = !talk.answered && (self.held.contains(&link) || !self.heard.contains(&server));
+        if self.now != NO_TIME && talk.asked && !silent {
+            talk.release(self.now.saturating_sub(self.limits.late), &self.limits, events);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LINK: i64 = 5 << 16 | 10 << 8 | 11;
+
+    fn calls() -> Calls {
+        let limits = Limits {
+            answer: 10,
+            slow: 5,
+            open: 20,
+            late: 30,
+            waiting: 3,
+            links: 2,
+        };
+        let mut calls = Calls::new(limits);
+        calls.hear(11);
+        calls
+    }
+
+    fn part(id: i64, t: i64, asks: bool) -> Part {
+        Part {
+            id,
+            first: t,
+            t,
+            t_end: t + 1,
+            transfer_id: 3,
+            priority: 30,
+            asks,
+            whole: true,
+        }
+    }
+
+    /// What is said of transfers of one link once all of them are there.
+    fn said(parts: &[Part]) -> Vec<(Kind, i64, Option<i64>)> {
+        let (mut calls, mut events) = (calls(), vec![]);
+        for part in parts {
+            calls.go_on(part.t);
+            calls.add(LINK, *part, part.t, &mut events);
+        }
+        calls.settle_all(1000, &mut events);
+        events.iter().map(|one| (one.kind, one.part, one.other)).collect()
+    }
+
+    #[test]
+    fn an_answer_in_time_is_nothing_to_say() {
+        assert_eq!(said(&[part(0, 100, true), part(1, 104, false)]), []);
+        assert_eq!(
+            said(&[part(0, 104, false), part(1, 100, true)]),
+            [],
+            "whichever came out first"
+        );
+    }
+
+    #[test]
+    fn answers_are_slow_repeated_stray_or_missing() {
+        let priority = Part {
+            priority: 20,
+            ..part(2, 103, false)
+        };
+        assert_eq!(
+            said(&[part(0, 100, true), part(1, 107, false)]),
+            [(Kind::Slow, 1, Some(0))]
+        );
+        let twice = [(Kind::Repeated, 2, Some(1)), (Kind::OtherPriority, 2, Some(0))];
+        assert_eq!(said(&[part(0, 100, true), part(1, 102, false), priority]), twice);
+        assert_eq!(
+            said(&[part(0, 100, true), part(1, 121, false)])[0],
+            (Kind::Stray, 1, None)
+        );
+        assert_eq!(
+            said(&[part(0, 100, true), part(1, 112, true), part(2, 113, false)]),
+            [(Kind::Missed, 0, None)]
+        );
+        let damaged = Part {
+            whole: false,
+            ..part(0, 100, true)
+        };
+        assert_eq!(said(&[damaged]), [], "it needs no answer");
+    }
+
+    #[test]
+    fn a_request_waits_for_a_sign_of_its_server() {
+        for (held, heard) in [(true, true), (false, false), (false, true)] {
+            let (mut calls, mut events) = (calls(), vec![]);
+            if held {
+                calls.hold(LINK);
+            }
+            if !heard {
+                calls.heard.clear();
+            }
+            calls.add(LINK, part(0, 100, true), 100, &mut events);
+            calls.go_on(1000);
+            calls.release_all(&mut events);
+            assert_eq!(events.len(), usize::from(!held && heard));
+        }
+    }
+
+    #[test]
+    fn what_waits_is_bounded() {
+        let (mut calls, mut events) = (calls(), vec![]);
+        (0..5).for_each(|k| calls.add(LINK, part(k, 100 + k, true), 100, &mut events));
+        assert_eq!(calls.living().len(), 4, "three that wait, and a call");
+        assert_eq!(calls.living(), [0, 1, 2, 3], "by their new names");
+        (1..3).for_each(|k| calls.add(LINK + (k << 8), part(9, 100, true), 1000, &mut events));
+        assert_eq!(calls.talks.len(), 2, "the oldest one made room");
+        assert_eq!(calls.living().len(), 2);
+        assert_eq!(
+            events.len(),
+            1,
+            "of the last request: each other one was followed by another at once"
+        );
+    }
+}
