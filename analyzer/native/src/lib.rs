@@ -4,7 +4,7 @@
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
 //! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them,
-//! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
+//! [`id_nodes`] nodes whose transfer IDs do not count on, [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
 //! past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
 //! does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
 //! `receive/system` and `python/buffer` are the only ones with `unsafe`.
@@ -28,6 +28,7 @@ pub mod frame_batch;
 pub mod frames;
 pub mod grouped;
 pub mod groups;
+pub mod id_nodes;
 pub mod joint;
 pub mod line;
 pub mod link;
