@@ -17,6 +17,7 @@ __all__ = [
     "FrameBatch",
     "FrameIndex",
     "Group",
+    "IdNodes",
     "LogRecords",
     "McapWalk",
     "Merger",
@@ -31,7 +32,6 @@ __all__ = [
     "RecentOrders",
     "Remainders",
     "Rows",
-    "SessionCounters",
     "Sheet",
     "SupplyLine",
     "Template",
@@ -54,7 +54,10 @@ _Spec: TypeAlias = tuple[int, str, bytes | None, bytes, bytes, list[_Spec]]
 _Steps: TypeAlias = tuple[float, float, float]
 _Table: TypeAlias = list[tuple[int, Cells | None, Cells | None, Cells | None]]
 _Taken: TypeAlias = tuple[bytes, list[tuple[int, bytes, int]], tuple[int, int]]
-_Odd: TypeAlias = tuple[int, int, int, int, int]
+IdCause: TypeAlias = tuple[int, int, int, list[int], int, list[int]]
+IdTold: TypeAlias = tuple[
+    tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells], tuple[Cells, Cells]
+]
 _Answers: TypeAlias = tuple[Cells, Cells, Cells, tuple[Cells, Cells], tuple[Cells, Cells]]
 _FamilySpec: TypeAlias = tuple[bytes, int, int, int, int, list[tuple[int, int, list[int]]]]
 
@@ -235,16 +238,19 @@ class FrameIndex:
     def __deepcopy__(self, _memo: object, /) -> FrameIndex: ...
 
 @final
-class SessionCounters:
-    def __new__(cls, bus: int, session: int, start: _Odd, data: bytes, least: int) -> SessionCounters: ...
+class IdNodes:
+    def __new__(cls) -> IdNodes: ...
     @property
-    def unread(self) -> int: ...
-    def read(self, index: FrameIndex) -> None: ...
-    def add(self, start: _Odd, since: tuple[int, Any]) -> None: ...
-    def shows(self, number: int, since: tuple[int, Any]) -> tuple[int, int, bool] | None: ...
-    def chains(self) -> list[tuple[int, int, int, int, int | None]]: ...
-    def goes_on(self) -> tuple[int, int, int | None, int | None] | None: ...
-    def __deepcopy__(self, _memo: object, /) -> SessionCounters: ...
+    def sharing(self) -> Cells: ...
+    def feed(
+        self,
+        batches: list[FrameIndex],
+        given: tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]],
+        lists: tuple[Any, Any],
+        known: tuple[int, Any, int, int],
+    ) -> tuple[list[IdCause], IdTold]: ...
+    def finish(self) -> tuple[list[IdCause], IdTold]: ...
+    def __deepcopy__(self, _memo: object, /) -> IdNodes: ...
 
 def diagnose(
     question: int,

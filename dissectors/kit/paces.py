@@ -26,7 +26,7 @@ _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 # By then a node has said that it restarted, and transfers without an end are given up.
 _LATER = 5 * SECOND // 2
 # Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
-_AHEAD, _MOST_AHEAD = 4, 64
+_AHEAD, _MOST_AHEAD = 4, 1 << 10
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
@@ -37,38 +37,40 @@ def _periods(t: Array, lost: Array, first: Array, last: Array, fewest: int) -> A
     were lost up to each, which is why they may not be steady. Several that come close together, such as those of a
     sender with several indexes, are one round.
     """
-    at = last[:, None] - np.arange(MEMORY, -1, -1)
-    inside = at[:, :-1] >= first[:, None]
-    at = np.maximum(at, first[:, None])
+    at = np.maximum(last + np.arange(-MEMORY, 1)[:, None], first)  # a row each place in the window
     times = t[at]
-    took = np.where(inside, times[:, 1:] - times[:, :-1], -np.inf)
-    begins = took > took.max(axis=1, keepdims=True) / _ROUND
-    count = begins.sum(axis=1)
-    row, column = np.nonzero(begins)
-    rank = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    here, before = at[row, column + 1], at[row, 0]
-    before[1:] = np.where(rank[1:] > 0, here[:-1], before[1:])
-    rounds = np.full(took.shape, np.inf)
-    rounds[row, rank] = t[here] - t[before]
+    took = (times[1:] - times[:-1]).astype(np.float64)  # 0 in front of the window
+    begins = took > took.max(axis=0) / _ROUND
+    count = begins.sum(axis=0)
+    rounds = _rounds(times, begins, np.inf)
     found = _steady(rounds, count)
-    missed = (found == 0) & (lost[at[:, -1]] > lost[at[:, 0]])
-    if missed.any():
-        rounds[row, rank] /= 1 + lost[here] - lost[before]
-        found[missed] = _steady(rounds[missed], count[missed])
+    missed = np.flatnonzero((found == 0) & (lost[at[-1]] > lost[at[0]]))
+    if len(missed):
+        gone = _rounds(lost[at[:, missed]], begins[:, missed], 0.0)
+        found[missed] = _steady(rounds[:, missed] / (1 + gone), count[missed])
     found[count + 1 < max(fewest, 2)] = 0.0
     return found
 
 
+def _rounds(values: Array, begins: Array, rest: float) -> Array:
+    """Return how far each round of a window goes, a row each place, a column each window; the rest begins none."""
+    rounds, before = np.empty(begins.shape), values[0]
+    for found, value, begin in zip(rounds, values[1:], begins, strict=True):
+        found[:] = np.where(begin, value - before, rest)
+        before = np.where(begin, value, before)
+    return rounds
+
+
 def _steady(rounds: Array, count: Array) -> Array:
-    """Return the usual one of the first `count` in each row, 0.0 if they are not alike; behind them is infinity."""
-    ranked, rows, half = np.sort(rounds, axis=1), np.arange(len(rounds)), count // 2
+    """Return the usual one of each column, which has `count`, 0.0 if they are not alike; infinity is none."""
+    ranked, half = np.sort(np.ascontiguousarray(rounds.T), axis=1), count // 2
+    rows = np.arange(len(ranked))
     usual: Array = (ranked[rows, half] + ranked[rows, count - half - 1]) / 2
     usual[count == 0] = 0.0
     off = _STRICT * usual
     alike = (usual - ranked[:, 0] <= off) & (ranked[rows, count - 1] - usual <= off)
-    near = (ranked >= (_SHORT * usual)[:, None]) & (ranked <= (_LONG * usual)[:, None])
-    mostly = near.sum(axis=1) >= _MOSTLY * count
-    usual[~np.where(count < _MANY, alike, mostly)] = 0.0
+    near = ((rounds >= _SHORT * usual) & (rounds <= _LONG * usual)).sum(axis=0)
+    usual[~np.where(count < _MANY, alike, near >= _MOSTLY * count)] = 0.0
     return usual
 
 

@@ -1,14 +1,14 @@
 //! The core: bytes to frames, frames to transfers, payloads to columns.
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
-//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
-//! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`]
-//! what is left of them, [`calls`] which responses belong to which requests, [`joint`] where several senders lack some,
-//! [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key,
-//! [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or does
-//! I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
-//! `receive/system` and `python/buffer` are the only ones with `unsafe`.
+//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`], [`ending`] ->
+//! [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`], [`unpack`] ->
+//! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
+//! of them, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
+//! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its
+//! own past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by templates, [`evidence`] frames of
+//! findings. None of them knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the
+//! only file that knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -30,6 +30,7 @@ pub mod frame_batch;
 pub mod frames;
 pub mod grouped;
 pub mod groups;
+pub mod id_nodes;
 pub mod joint;
 pub mod line;
 pub mod link;

@@ -23,6 +23,7 @@ mod diagnosis;
 mod esc_rows;
 mod group;
 mod grouped;
+mod id_nodes;
 mod joint;
 mod load;
 mod log_records;
@@ -209,7 +210,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
-    m.add_class::<diagnosis::SessionCounters>()?;
+    m.add_class::<id_nodes::IdNodes>()?;
     m.add_class::<esc_rows::EscRows>()?;
     m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;

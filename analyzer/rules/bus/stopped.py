@@ -87,7 +87,7 @@ class Stopped(Rule):
         breaks = PacedReports.feed_all([talk.pace for talk in talks], times, lost)
         for (session, starts), talk, found in zip(heard, talks, breaks, strict=True):
             for one in found:
-                self._doubt(view, (session, talk), one, _place(view, talk, starts, one))
+                self._doubt(view, (session, talk), one, starts)
             talk.number, talk.lines = int(starts.number[-1]), ()
         self._prove(view)
         self._keep_lines(view)
@@ -106,7 +106,7 @@ class Stopped(Rule):
         silences = PacedReports.silences(paces, until)
         for (session, talk), found in zip(self._talks.items(), silences, strict=True):
             if found is not None:
-                self._doubt(view, (session, talk), found, _Place(talk.number, talk.lines), ends=True)
+                self._doubt(view, (session, talk), found, None)
         yield from self._judge(view, None)
 
     def _least(self, view: View) -> int:
@@ -116,19 +116,18 @@ class Stopped(Rule):
         periods, fewest, seconds = (view.number("BUS-035", name) for name in ("periods", "min_reports", "min_s"))
         return PacedReports(self._least(view), periods, int(fewest), round(seconds * SECOND))
 
-    def _doubt(
-        self, view: View, who: tuple[Session, _Talk], found: Break, place: _Place, *, ends: bool = False
-    ) -> None:
+    def _doubt(self, view: View, who: tuple[Session, _Talk], found: Break, begun: SessionBegins | None) -> None:
+        """Keep a break of what began of a session in a batch, or that lasts to the end, if there is room."""
         session, talk = who
+        waiting, most = (self._doubts, _MOST) if talk.code >= 0 else (talk.unproved, _MOST_UNPROVED)
+        if len(waiting) >= most:
+            return
         gaps = self._nodes.gaps(session.bus, session.node, found.start, found.stop) if self._nodes else []
-        most = _MOSTLY * (found.stop - found.start)
-        mostly = [gap for gap in gaps if gap.stop - gap.start > most]
+        longest = _MOSTLY * (found.stop - found.start)
+        mostly = [gap for gap in gaps if gap.stop - gap.start > longest]
         meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in mostly)
-        doubt = _Doubt(session, found, place, meanwhile, ends)
-        if talk.code >= 0 and len(self._doubts) < _MOST:
-            self._doubts.append(doubt)
-        elif talk.code < 0 and len(talk.unproved) < _MOST_UNPROVED:
-            talk.unproved.append(doubt)
+        place = _Place(talk.number, talk.lines) if begun is None else _place(view, talk, begun, found)
+        waiting.append(_Doubt(session, found, place, meanwhile, ends=begun is None))
 
     def _prove(self, view: View) -> None:
         """Note the types of sessions; those that have none may be another protocol's."""

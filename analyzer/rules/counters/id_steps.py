@@ -2,75 +2,42 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from analyzer.rules.counters.misnumbered import meant
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, all_resumed
+from dissectors.kit import NO_TIME, SECOND, all_resumed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from analyzer.rules.counters.orphan_frames import OrphanFrames
-    from dissectors.kit import Array, TransferTable, Values, View
+    from dissectors.kit import Array, TransferTable, View
 
 MESSAGE, REQUEST = KINDS.index("message"), KINDS.index("request")
 QUIET = 2 * SECOND  # after it any transfer ID may follow (4.1.3)
-LATE = 5 * SECOND  # a transfer can come out 2.0 s after its start; then nothing follows within `QUIET` any more
 GAP, COPIED, REPEATED, RESTARTED = RULES = ("TRF-016", "TRF-017", "TRF-018", "TRF-019")
 IS_GAP, IS_COPY, IS_REPEATED, IS_RESTART = range(4)  # places among these
 _NAMES = ("transfer id gap", "duplicate", "transfer id repeated", "transfer id restarted")
 _BITS = np.array([1 << TRANSFER_ANOMALIES.index(name) for name in _NAMES], np.int64)
 _ORDER = np.argsort(_BITS)  # of several that a transfer has, the lowest bit says what it is
+LATE, EARLY, ASTRAY = 1, 2, 4  # bits of a step's marks
 WITHOUT_START = "frames came without a start"
 _SERVICE = 0x80  # bit of an identifier
 
 
-class IdStep(NamedTuple):
-    """One step that is not 1, of transfers with these frames.
-
-    `code` is the type for `View.type_name`, `place` the session: the identifier, and above 32 bits the bus. `since` is
-    the time of the transfer before.
-    """
-
-    rule: str
-    t: int
-    since: int
-    code: int
-    place: int
-    transfer_id: int
-    before: int
-    frames: Sequence[int]
-
-    @property
-    def of_message(self) -> bool:
-        """Return whether it is no request."""
-        return not self.place & _SERVICE
-
-
-class MovedStep(NamedTuple):
-    """A step of which only the order changed, as it is told; `noted` says that it proves little."""
-
-    frames: Sequence[int]
-    values: Values
-    noted: bool
-
-
 class IdSteps(NamedTuple):
-    """Steps, a row each, in the order of their transfers; columns as in `IdStep`.
+    """Steps, a row each, in the order of their transfers.
 
-    `rule` is a place in `RULES`, `row` that of the transfer in its batch, `gap` the time since the transfer before.
-    `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
-    `astray` marks those whose missing IDs came without a start. `lead` and `last` are their first and last frames;
-    `begin` says where the frames of each stand in `numbers`, `size` how many they are.
+    `sender` is the bus above the node ID, `rule` a place in `RULES`, `place` the session: the identifier, and above 32
+    bits the bus. `since` is the time of the transfer before, `gap` that since then, `row` that of the transfer in its
+    batch. Of the `marks`, `LATE` is of a step after more than `QUIET`, which proves nothing, `EARLY` of one soon after
+    the start of the capture, `ASTRAY` of one whose missing IDs came without a start.
     """
 
+    sender: Array
     rule: Array
-    late: Array
-    early: Array
-    astray: Array
+    marks: Array
     t: Array
     since: Array
     gap: Array
@@ -79,60 +46,6 @@ class IdSteps(NamedTuple):
     transfer_id: Array
     before: Array
     row: Array
-    lead: Array
-    last: Array
-    begin: Array
-    size: Array
-    numbers: Array
-
-    def take(self, rows: Array) -> IdSteps:
-        """Return some of them."""
-        columns = {name: column[rows] for name, column in zip(self._fields[:-1], self, strict=False)}
-        return self._replace(**columns)
-
-    def compact(self) -> IdSteps:
-        """Return them with no other frames than theirs."""
-        begin = np.cumsum(self.size) - self.size
-        places = np.repeat(self.begin - begin, self.size) + np.arange(int(self.size.sum()))
-        return self._replace(begin=begin, numbers=self.numbers[places])
-
-    def __add__(self, other: IdSteps) -> IdSteps:  # type: ignore[override]
-        """Return these and others behind them."""
-        columns = [np.concatenate(both) for both in zip(self, other, strict=True)]
-        found = IdSteps(*columns)
-        found.begin[len(self.t) :] += len(self.numbers)
-        return found
-
-    def frames(self, k: int) -> Sequence[int]:
-        """Return the numbers of all frames of one."""
-        begin = self.begin.item(k)
-        found: list[int] = self.numbers[begin : begin + self.size.item(k)].tolist()
-        return found
-
-    def step(self, k: int) -> IdStep:
-        """Return one."""
-        return IdStep(
-            RULES[self.rule.item(k)], self.t.item(k), self.since.item(k), self.code.item(k), self.place.item(k),
-            self.transfer_id.item(k), self.before.item(k), self.frames(k),
-        )  # fmt: skip
-
-    def values(self, k: int) -> dict[str, Any]:
-        """Return what the text of one says."""
-        rule, transfer_id = self.rule.item(k), self.transfer_id.item(k)
-        expected = (self.before.item(k) + 1) % TRANSFER_IDS
-        found: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
-        if rule == IS_GAP:
-            cause = WITHOUT_START if self.astray.item(k) else ""
-            found |= {"lost": (transfer_id - expected) % TRANSFER_IDS, "cause": cause}
-        elif rule == IS_COPY:
-            found["milliseconds"] = self.gap.item(k) / MILLISECOND
-        return found
-
-
-def of_message(place: Array) -> Array:
-    """Return which sessions are no requests."""
-    found: Array = place & _SERVICE == 0
-    return found
 
 
 def odd_rows(t: TransferTable) -> Array:
@@ -181,13 +94,13 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
     for one, start in view.starts.items():
         starts[one] = start
     early = timed & (at - starts[bus] < QUIET)
-    offsets, numbers = t.frame_lists
-    begin, end = offsets[rows], offsets[rows + 1]
-    steps = IdSteps(
-        rule, late, early, astray, at, since, gap, t.code[rows], place, transfer_id, before, rows,
-        lead, numbers[end - 1].astype(np.int64), begin, end - begin, numbers,
+    marks = late * LATE | early * EARLY | astray * ASTRAY
+    sender = bus << 8 | src
+    columns = (
+        (sender, np.uint16), (rule, np.uint8), (marks, np.uint8), (at, np.int64), (since, np.int64), (gap, np.int64),
+        (t.code[rows], np.int64), (place, np.int64), (transfer_id, np.uint8), (before, np.uint8), (rows, np.uint32),
     )  # fmt: skip
-    return steps.take(np.flatnonzero(keep))
+    return IdSteps(*(column[keep].astype(kind) for column, kind in columns))
 
 
 def _as_meant(

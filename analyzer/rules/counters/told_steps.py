@@ -1,77 +1,111 @@
-"""Which steps a cause explains, and those that nothing explains, told together."""
+"""Steps that nothing explains, told together."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.counters.id_steps import COPIED, GAP, IS_COPY, IS_GAP, IS_RESTART, RESTARTED, RULES, of_message
-from dissectors.kit import Occurrences
+from analyzer.decode.sent import cells
+from analyzer.rules.counters.id_steps import (
+    ASTRAY,
+    COPIED,
+    EARLY,
+    IS_COPY,
+    IS_GAP,
+    LATE,
+    RULES,
+    WITHOUT_START,
+)
+from analyzer.tables import TRANSFER_IDS
+from dissectors.kit import MILLISECOND, Occurrences, groups
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Sequence
 
-    from analyzer.rules.counters.id_steps import IdSteps, MovedStep
-    from dissectors.kit import Array, Occurrence, Severity
+    from analyzer._native import IdTold
+    from dissectors.kit import Array, Severity
 
-SHARED_ID = "BUS-010"
+REORDERED = "transfers in another order"
+_MOVED, _NOTED = 8, 16  # further bits of a step's marks: only the order changed, and that proves little
 
 
-def told(of: tuple[int, int], steps: IdSteps, rows: Array, moved: Mapping[int, MovedStep]) -> Iterator[Occurrences]:
-    """Yield steps of a node, put together by rule, severity and cause.
+class ToldSteps(NamedTuple):
+    """Steps, a row each, node by node. `rule` is a place in `RULES`, `gap` the time since the transfer before in ns.
 
-    Args:
-        of: bus and node.
-        steps: steps of the node.
-        rows: those of them that are told.
-        moved: what is told of some of them instead, as only their order changed.
+    The frames of row `k` are `numbers[begins[k] : begins[k + 1]]`.
     """
-    rule = steps.rule[rows]
-    gap = rule == IS_GAP
-    apart = rule * 4 + (gap & (steps.late[rows] | steps.early[rows])) * 2 + (gap & steps.astray[rows])
-    if moved:
-        also = np.isin(rows, list(moved))
-        noted = [moved[k].noted for k in rows[also].tolist()]
-        apart[also] = -1 - np.array(noted, np.int64)
-    for one in dict.fromkeys(apart.tolist()):
-        mine = rows[apart == one]
-        if one < 0:
-            yield _together(of, steps, mine, (GAP, "note" if one < -1 else None), [moved[k] for k in mine.tolist()])
-        else:
-            yield _together(of, steps, mine, (RULES[one // 4], "note" if one & 2 else None), [])
 
+    bus: Array
+    node: Array
+    rule: Array
+    marks: Array
+    t: Array
+    since: Array
+    gap: Array
+    code: Array
+    transfer_id: Array
+    before: Array
+    begins: Array
+    numbers: Array
 
-def _together(
-    of: tuple[int, int], steps: IdSteps, rows: Array, what: tuple[str, Severity | None], others: list[MovedStep]
-) -> Occurrences:
-    ours = steps.take(rows).compact()
-    rule, severity = what
-    return Occurrences(
-        rule=rule,
-        t=ours.t,
-        bus=np.full(len(rows), of[0]),
-        node=np.full(len(rows), of[1]),
-        type=ours.code,
-        frame=ours.lead,
-        values=lambda k: others[k].values if others else ours.values(k),
-        frames=lambda k: others[k].frames if others else ours.frames(k),
-        severity=severity,
-        drops=rule != COPIED,
-        since=ours.since,
-    )
+    @classmethod
+    def of(cls, told: IdTold) -> ToldSteps:
+        """Return what the core tells."""
+        who, when, ids, (begins, numbers) = told
+        small = [cells(column, np.uint8) for column in (*who, *ids)]
+        wide = [cells(column, np.int64) for column in (*when, begins)]
+        return cls._make((*small[:4], *wide[:4], *small[4:], wide[4], cells(numbers, np.uint64)))
 
+    def occurrences(self) -> Iterator[Occurrences]:
+        """Yield those of a node that have the same rule and severity together, in the order in which these come."""
+        gap, moved = self.rule == IS_GAP, self.marks & _MOVED != 0
+        noted = np.where(moved, self.marks & _NOTED, gap * (self.marks & (LATE | EARLY))) != 0
+        apart = np.where(moved, IS_GAP, self.rule) * 8 + moved * 4 + noted * 2 + (gap & (self.marks & ASTRAY != 0))
+        sender = self.bus.astype(np.int64) << 8 | self.node
+        each = [(int(rows[0]), key, rows) for key, rows in groups(sender << 8 | apart)]
+        for _, key, rows in sorted(each, key=lambda one: one[0]):
+            yield self._together(rows, RULES[(key & 0xFF) >> 3], "note" if key & 2 else None)
 
-def explained(cause: Occurrence, steps: IdSteps, begin: int, end: int) -> Array:
-    """Return which steps a cause explains.
+    def _together(self, rows: Array, rule: str, severity: Severity | None) -> Occurrences:
+        ours = self._take(rows)
+        return Occurrences(
+            rule=rule,
+            t=ours.t,
+            bus=ours.bus.astype(np.int64),
+            node=ours.node.astype(np.int64),
+            type=ours.code,
+            frame=ours.numbers[ours.begins[:-1]].astype(np.int64),
+            values=ours.values,
+            frames=ours.frames,
+            severity=severity,
+            drops=rule != COPIED,
+            since=ours.since,
+        )
 
-    Several devices explain every breach of a node, a shared counter those of its messages that are no copies.
-    """
-    rule = steps.rule[begin:end]
-    if cause.rule == SHARED_ID:
-        return np.ones(len(rule), bool)
-    if cause.rule == RESTARTED:
-        same: Array = (rule == IS_RESTART) & (steps.before[begin:end] + 1 == cause.values["expected"])
-        return same
-    ours: Array = of_message(steps.place[begin:end]) & (rule != IS_COPY)
-    return ours
+    def _take(self, rows: Array) -> ToldSteps:
+        """Return some of them, with no other frames than theirs."""
+        begin, size = self.begins[rows], np.diff(self.begins)[rows]
+        begins = np.append(0, np.cumsum(size))
+        places = np.repeat(begin - begins[:-1], size) + np.arange(begins[-1])
+        columns = (column[rows] for column in self[:-2])
+        return ToldSteps._make((*columns, begins, self.numbers[places]))
+
+    def frames(self, k: int) -> Sequence[int]:
+        """Return the numbers of all frames of one."""
+        found: list[int] = self.numbers[self.begins.item(k) : self.begins.item(k + 1)].tolist()
+        return found
+
+    def values(self, k: int) -> dict[str, Any]:
+        """Return what the text of one says."""
+        rule, marks, transfer_id = self.rule.item(k), self.marks.item(k), self.transfer_id.item(k)
+        expected = (self.before.item(k) + 1) % TRANSFER_IDS
+        found: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
+        if rule == IS_GAP:
+            cause = WITHOUT_START if marks & ASTRAY else ""
+            found |= {"lost": (transfer_id - expected) % TRANSFER_IDS, "cause": cause}
+        elif rule == IS_COPY:
+            found["milliseconds"] = self.gap.item(k) / MILLISECOND
+        if marks & _MOVED:
+            found |= {"lost": 0, "cause": REORDERED}
+        return found

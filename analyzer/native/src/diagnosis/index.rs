@@ -34,6 +34,15 @@ pub trait Hold: Debug + Send + Sync {
     fn columns(&self) -> Columns<'_>;
 }
 
+/// All bytes of a frame, and its time.
+#[derive(Clone, Copy, Debug)]
+pub struct Whole<'a> {
+    pub t: i64,
+    pub bus: u8,
+    pub id: u32,
+    pub data: &'a [u8],
+}
+
 /// A batch of frames, and its rows in the order of sessions, once somebody asks.
 #[derive(Debug)]
 pub struct Index {
@@ -119,11 +128,20 @@ impl Index {
         rows.filter_map(|&row| self.part(row as usize))
     }
 
+    fn whole(&self, row: usize) -> Whole<'_> {
+        let columns = self.held.columns();
+        Whole {
+            t: columns.t[row],
+            bus: columns.bus[row],
+            id: columns.id[row],
+            data: &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize],
+        }
+    }
+
     /// The frame in a row, None without a tail byte.
     fn part(&self, row: usize) -> Option<Part<'_>> {
         let columns = self.held.columns();
-        let data = &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize];
-        let (&tail, body) = data.split_last()?;
+        let (&tail, body) = self.whole(row).data.split_last()?;
         Some(Part {
             number: self.first + row as u64,
             tail,
@@ -201,6 +219,24 @@ impl<'a> Frames<'a> {
     /// A frame with a tail byte, and the key of its session.
     pub fn part(&self, number: u64) -> Option<Part<'a>> {
         self.find(number).and_then(|(index, row)| index.part(row))
+    }
+
+    /// A frame, whatever it is.
+    pub fn whole(&self, number: u64) -> Option<Whole<'a>> {
+        self.find(number).map(|(index, row)| index.whole(row))
+    }
+
+    /// Frames of a session among some, whatever they are, the last one first.
+    pub fn latest(&self, key: u32, range: &'a Range<u64>) -> impl Iterator<Item = Whole<'a>> {
+        let within = |index: &&&Index| index.range().start < range.end && range.start < index.range().end;
+        let batches = self.0.iter().rev().filter(within);
+        batches.flat_map(move |index| {
+            index
+                .between(key, range)
+                .iter()
+                .rev()
+                .map(|&row| index.whole(row as usize))
+        })
     }
 
     pub fn session(&self, number: u64) -> Option<u32> {

@@ -85,11 +85,6 @@ impl Starts {
         latest.ended |= part.tail & (END | ID) == END | latest.id;
     }
 
-    /// Whether there is an odd start up to a frame.
-    pub fn waits(&self, number: u64) -> bool {
-        self.waiting.front().is_some_and(|one| one.number <= number)
-    }
-
     /// The next odd start up to a frame.
     pub fn pop(&mut self, number: u64) -> Option<OddStart> {
         self.waiting.pop_front_if(|one| one.number <= number)

@@ -5,12 +5,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
-use crate::diagnosis::counters::{Counters, Gaps};
 use crate::diagnosis::index::{key, Columns, Frames, Hold, Index};
-use crate::diagnosis::interleaved::Chain;
 use crate::diagnosis::misnumbered::{meant, meant_before};
 use crate::diagnosis::questions::{ask, Found, Question};
-use crate::diagnosis::starts::{Latest, OddStart, Starts};
 use crate::diagnosis::Known;
 
 /// Questions in the order of their numbers.
@@ -50,7 +47,7 @@ impl Hold for FrameColumns {
 
 /// The frames of a batch in the order of their sessions.
 #[pyclass(frozen)]
-pub struct FrameIndex(Index);
+pub struct FrameIndex(pub Index);
 
 #[pymethods]
 impl FrameIndex {
@@ -119,104 +116,6 @@ impl FrameIndex {
     /// Shares it: it never changes.
     fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
         slf
-    }
-}
-
-/// Since when frames have come without a gap: the first time, and when each gap ended.
-#[derive(FromPyObject)]
-pub struct Since(i64, PyBuffer<i64>);
-
-impl Since {
-    fn gaps<'a>(&self, ends: &'a [i64]) -> Gaps<'a> {
-        Gaps { start: self.0, ends }
-    }
-}
-
-/// Number, time, the ID before, its own, the time of that one.
-type Odd = (u64, i64, u8, u8, i64);
-
-/// The counters of a session, by the starts of transfers whose ID does not follow that of the one before.
-#[pyclass]
-#[derive(Clone)]
-pub struct SessionCounters(Counters);
-
-#[pymethods]
-impl SessionCounters {
-    /// Begins with a frame that is an odd start; `data` is its data field.
-    #[new]
-    fn new(bus: u8, session: u32, start: Odd, data: &[u8], least: u32) -> PyResult<Self> {
-        let Some((&tail, body)) = data.split_last() else {
-            return Err(PyValueError::new_err("a start without a tail byte"));
-        };
-        let (number, t, before, id, _) = start;
-        let latest = Latest {
-            id,
-            t,
-            tail,
-            body: body.to_vec(),
-            ended: tail & 0x40 != 0,
-        };
-        let starts = Starts::new(key(bus, session), number + 1, latest);
-        Ok(SessionCounters(Counters::new(starts, before, least)))
-    }
-
-    /// The first frame that was not read yet.
-    #[getter]
-    fn unread(&self) -> u64 {
-        self.0.starts.next()
-    }
-
-    /// Reads what is new in a batch.
-    fn read(&mut self, index: &Bound<'_, FrameIndex>) {
-        self.0.starts.read(&index.get().0);
-    }
-
-    /// Adds a start, unless a gap explains it.
-    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn add(&mut self, py: Python<'_>, start: Odd, since: Since) -> PyResult<()> {
-        let (number, t, before, id, earlier) = start;
-        let one = OddStart {
-            number,
-            t,
-            before,
-            id,
-            since: earlier,
-            again: false,
-        };
-        if !since.gaps(&since.1.to_vec(py)?).explain(&one) {
-            self.0.add(&one);
-        }
-        Ok(())
-    }
-
-    /// The next start up to a frame with which several senders show, its time, and whether one took over with it.
-    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn shows(&mut self, py: Python<'_>, number: u64, since: Since) -> PyResult<Option<(u64, i64, bool)>> {
-        let ends = if self.0.starts.waits(number) {
-            since.1.to_vec(py)?
-        } else {
-            vec![]
-        };
-        let found = self.0.shows(number, since.gaps(&ends));
-        Ok(found.map(|(one, took_over)| (one.number, one.t, took_over)))
-    }
-
-    /// The counters that take turns: their IDs, since when, how often each took over, when it began, its last frame.
-    fn chains(&self) -> Vec<(u8, i64, u64, u64, Option<u64>)> {
-        let chains = self.0.chains().into_iter();
-        let row = |one: Chain| (one.last, one.since, one.turns, one.begun, one.start);
-        chains.map(row).collect()
-    }
-
-    /// The counter that goes on between other IDs: its ID, since when, its last frame, and the usual one of the others.
-    fn goes_on(&self) -> Option<(u8, i64, Option<u64>, Option<u8>)> {
-        let one = self.0.goes_on()?;
-        Some((one.last, one.since, one.number, one.other))
-    }
-
-    /// Another one that grows apart from this.
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
-        self.clone()
     }
 }
 
