@@ -40,7 +40,7 @@ class EventFinder:
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
         self._log = EventLog()
         add = self._log.add
-        self._reading = reading = FlightReading(registry, add)
+        self._reading = reading = FlightReading(registry, self._log)
         self._channels = reading.channels
         self.clock, self.commands, self.order, self.escs = reading.clock, reading.commands, reading.order, reading.escs
         order = self.order
