@@ -8,7 +8,6 @@ such classes, too.
 
 from __future__ import annotations
 
-from itertools import repeat
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +38,9 @@ if not TYPE_CHECKING:
 
     def replace(record: Any, /, **changes: Any) -> Any:
         """Return a copy with other values in some fields."""
-        names = record.__match_args__
-        return type(record)(**dict(zip(names, map(getattr, repeat(record), names), strict=True)) | changes)
+        values = dict(zip(record.__match_args__, record.record_values(record), strict=True))
+        values.update(changes)
+        return type(record)(**values)
 
 
 def as_dict(value: Any) -> Any:
@@ -84,13 +84,14 @@ def _made(cls: type, *, frozen: bool, eq: bool) -> type:
     content |= {
         "__slots__": tuple(options),
         "__match_args__": tuple(name for name, one in options.items() if one.get("init", True)),
+        "record_values": _values([name for name, one in options.items() if one.get("init", True)]),
         "__dataclass_fields__": _StandardFields(),
         "__init__": _first_init,
         "__repr__": _repr,
         "record_options": options,
     }
     if eq:
-        content["record_key"] = _key([name for name, one in options.items() if one.get("compare", True)])
+        content["record_key"] = _values([name for name, one in options.items() if one.get("compare", True)])
         content |= {"__eq__": _eq, "__hash__": _hash if frozen else None}
     if frozen:
         content |= {"__setattr__": _setattr, "__delattr__": _delattr}
@@ -100,8 +101,8 @@ def _made(cls: type, *, frozen: bool, eq: bool) -> type:
     return made
 
 
-def _key(names: list[str]) -> Any:
-    """Return what gives the values of an instance that are compared."""
+def _values(names: list[str]) -> Any:
+    """Return what gives the values of some fields of an instance."""
     return staticmethod(attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, n) for n in names))
 
 
