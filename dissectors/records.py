@@ -114,7 +114,7 @@ def _first_init(self: Any, *args: Any, **values: Any) -> None:
 
 
 def _init(cls: Any) -> Any:
-    known: dict[str, Any] = {"_set": _set, "_MISSING": _MISSING}
+    known: dict[str, Any] = {"_MISSING": _MISSING}
     arguments, lines = ["self"], []
     for name, one in cls.record_options.items():
         made = "default_factory" in one
@@ -129,7 +129,8 @@ def _init(cls: Any) -> Any:
         else:
             arguments.append(f"{name}={default}" if "default" in one else name)
             value = name
-        lines.append(f"_set(self, {name!r}, {value})" if cls.__setattr__ is _setattr else f"self.{name} = {value}")
+        known[f"_set_{name}"] = getattr(cls, name).__set__
+        lines.append(f"_set_{name}(self, {value})" if cls.__setattr__ is _setattr else f"self.{name} = {value}")
     if hasattr(cls, "__post_init__"):
         lines.append("self.__post_init__()")
     exec(f"def __init__({', '.join(arguments)}):\n  " + "\n  ".join(lines or ["pass"]), known)  # noqa: S102 - as they do
