@@ -174,7 +174,7 @@ class RecordedClock:
         self._hole_frames = self._hole_lengths = np.zeros(0, np.int64)
         self._hole, self._slow = lasting("hole"), lasting("slow_hole")
         self._fewest, self._factor = threshold("hole_frames"), threshold("hole_factor")
-        self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
+        self.release()
         self._base = 0
 
     def feed(self, batch: Batch) -> None:
@@ -251,6 +251,10 @@ class RecordedClock:
             return RowPlaces(t, t, frame, frame_end, step)
         shifts = self._shifts[np.searchsorted(self._borders, frame, "right") - 1]
         return RowPlaces(t, np.where(t == NO_TIME, NO_TIME, t + shifts), frame, frame_end, step)
+
+    def release(self) -> None:
+        """Let the transfers of the batch go."""
+        self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
 
     @property
     def transfers(self) -> RowPlaces:

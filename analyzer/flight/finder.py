@@ -67,6 +67,10 @@ class EventFinder:
         if self._told is not None:
             self._told.feed(batch)
 
+    def release(self) -> None:
+        """Let the batch go, once those who share its reading have looked at it, too."""
+        self._reading.release()
+
     def finish(self) -> pa.Table:
         """Return the events in the order of the capture: `FLIGHT_EVENTS`."""
         return event_table(self.events())

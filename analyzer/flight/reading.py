@@ -51,3 +51,9 @@ class FlightReading:
         self.channels.feed(batch)
         self.commands.feed(batch)
         self.escs.feed(batch)
+
+    def release(self) -> None:
+        """Let all of the batch go, once everybody has looked at it: the rules need the memory."""
+        self.clock.release()
+        self.order.reader.release()
+        self.commands.now, self.escs.now = [], []
