@@ -8,7 +8,6 @@ such classes, too.
 
 from __future__ import annotations
 
-from itertools import repeat
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +38,9 @@ if not TYPE_CHECKING:
 
     def replace(record: Any, /, **changes: Any) -> Any:
         """Return a copy with other values in some fields."""
-        names = record.__match_args__
-        return type(record)(**dict(zip(names, map(getattr, repeat(record), names), strict=True)) | changes)
+        values = dict(zip(record.__match_args__, record.record_values(record), strict=True))
+        values.update(changes)
+        return type(record)(**values)
 
 
 def as_dict(value: Any) -> Any:
@@ -84,13 +84,14 @@ def _made(cls: type, *, frozen: bool, eq: bool) -> type:
     content |= {
         "__slots__": tuple(options),
         "__match_args__": tuple(name for name, one in options.items() if one.get("init", True)),
+        "record_values": _values([name for name, one in options.items() if one.get("init", True)]),
         "__dataclass_fields__": _StandardFields(),
         "__init__": _first_init,
         "__repr__": _repr,
         "record_options": options,
     }
     if eq:
-        content["record_key"] = _key([name for name, one in options.items() if one.get("compare", True)])
+        content["record_key"] = _values([name for name, one in options.items() if one.get("compare", True)])
         content |= {"__eq__": _eq, "__hash__": _hash if frozen else None}
     if frozen:
         content |= {"__setattr__": _setattr, "__delattr__": _delattr}
@@ -100,8 +101,8 @@ def _made(cls: type, *, frozen: bool, eq: bool) -> type:
     return made
 
 
-def _key(names: list[str]) -> Any:
-    """Return what gives the values of an instance that are compared."""
+def _values(names: list[str]) -> Any:
+    """Return what gives the values of some fields of an instance."""
     return staticmethod(attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, n) for n in names))
 
 
@@ -113,7 +114,7 @@ def _first_init(self: Any, *args: Any, **values: Any) -> None:
 
 
 def _init(cls: Any) -> Any:
-    known: dict[str, Any] = {"_set": _set, "_MISSING": _MISSING}
+    known: dict[str, Any] = {"_MISSING": _MISSING}
     arguments, lines = ["self"], []
     for name, one in cls.record_options.items():
         made = "default_factory" in one
@@ -128,7 +129,8 @@ def _init(cls: Any) -> Any:
         else:
             arguments.append(f"{name}={default}" if "default" in one else name)
             value = name
-        lines.append(f"_set(self, {name!r}, {value})" if cls.__setattr__ is _setattr else f"self.{name} = {value}")
+        known[f"_set_{name}"] = getattr(cls, name).__set__
+        lines.append(f"_set_{name}(self, {value})" if cls.__setattr__ is _setattr else f"self.{name} = {value}")
     if hasattr(cls, "__post_init__"):
         lines.append("self.__post_init__()")
     exec(f"def __init__({', '.join(arguments)}):\n  " + "\n  ".join(lines or ["pass"]), known)  # noqa: S102 - as they do

@@ -102,6 +102,7 @@ class Core:
                 yield self.flush()
             else:
                 yield from self.feed(chunk)
+            del chunk  # else it would be there while the next one is read
         yield self.end()
 
     @property

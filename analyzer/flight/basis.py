@@ -52,7 +52,7 @@ class FlightBasis:
     def __init__(self, clock: RecordedClock, patience: int) -> None:
         self.heard = False
         self._clock = clock
-        self._spells = Spells(patience)
+        self._spells = Spells(patience, lasting("turning") + 1)
         self._stretches: list[Stretch] = []
         self._power_ups: list[int] = []  # frames
         self._holes: dict[Hashable, int] = {}  # before the last report of each device

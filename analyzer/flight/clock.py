@@ -167,15 +167,14 @@ class RecordedClock:
     def __init__(self) -> None:
         self.holes: list[Hole] = []
         self.last: int | None = None  # time of the last frame
-        self._borders = [np.iinfo(np.int64).min]  # frames from which on each shift holds
-        self._shifts = [0]
-        self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
+        self._borders: Array = np.array([np.iinfo(np.int64).min])  # frames from which on each shift holds
+        self._shifts: Array = np.zeros(1, np.int64)
         self._first: int | None = None
         self._count = 0
         self._hole_frames = self._hole_lengths = np.zeros(0, np.int64)
         self._hole, self._slow = lasting("hole"), lasting("slow_hole")
         self._fewest, self._factor = threshold("hole_frames"), threshold("hole_factor")
-        self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
+        self.release()
         self._base = 0
 
     def feed(self, batch: Batch) -> None:
@@ -209,49 +208,53 @@ class RecordedClock:
         far, back = self._hole, -lasting("clock_back")
         if apart.max() > far or apart.min() < back:
             odd = np.flatnonzero((apart > far) | (apart < back))
-            frames, now = base + (odd if rows is None else rows[odd]), t[odd]
-            self._note_steps(*(column.tolist() for column in (odd, frames, now, apart[odd])))
+            self._note_steps(odd, base + (odd if rows is None else rows[odd]), t[odd], apart[odd])
         self._count += len(t)
         self.last = int(t[-1])
         self._trim()
 
-    def _note_steps(self, rows: list[int], frames: list[int], times: list[int], steps_: list[int]) -> None:
+    def _note_steps(self, rows: Array, frames: Array, times: Array, steps_: Array) -> None:
         """Take rows of a batch before which much time passed, or some went back: their frames, times and steps."""
-        shift, first, count = self._shifts[-1], self._first or 0, self._count
-        for row, frame, t, step in zip(rows, frames, times, steps_, strict=True):
-            since = t - step
-            if step > 0 and step <= self._usual(count + row, since + shift - first):
-                continue
-            if len(self.holes) < MOST_HOLES:
-                self.holes.append(Hole(frame, since, t))
-            shift -= step
-            self._borders.append(frame)
-            self._shifts.append(shift)
+        since, before = times - steps_, self._shifts[-1]
+        count, ran = self._count + rows, since - (self._first or 0) + before
+        # How long nothing may come depends on what was a hole before. What agrees with itself is what is found one by
+        # one: with each round, at least one more row from the first on does.
+        holes, known = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+        while not np.array_equal(holes, known):
+            known = holes
+            lost = np.where(known, steps_, 0)
+            holes = (steps_ < 0) | (steps_ > self._usual(count, ran - (np.cumsum(lost) - lost)))
+        room = max(0, MOST_HOLES - len(self.holes))
+        kept = np.flatnonzero(holes)
+        columns = (column[kept[:room]].tolist() for column in (frames, since, times))
+        self.holes += map(Hole, *columns)
+        self._borders = np.concatenate((self._borders, frames[kept]))
+        self._shifts = np.concatenate((self._shifts, before - np.cumsum(steps_[kept])))
 
-    def _usual(self, count: int, ran: int) -> int:
+    def _usual(self, count: Array, ran: Array) -> Array:
         """Return how long nothing may come after so many frames in so much time."""
         slow = self._slow
-        if count < self._fewest:
-            return slow
-        mean = ran / count
-        far = self._factor * mean
-        return int(max(self._hole, far) if far < slow else max(slow, far / 10))
+        far = self._factor * (ran / np.maximum(count, 1))
+        usual = np.where(far < slow, np.maximum(self._hole, far), np.maximum(slow, far / 10))
+        found: Array = np.where(count < self._fewest, slow, usual)
+        return found
 
     def _trim(self) -> None:
         """Forget where shifts began that no transfer can ask for any more."""
-        self._arrays = None
         if len(self._borders) > 2 * MOST_HOLES:
-            del self._borders[1:-MOST_HOLES]
-            del self._shifts[1:-MOST_HOLES]
+            self._borders, self._shifts = (
+                np.concatenate((one[:1], one[-MOST_HOLES:])) for one in (self._borders, self._shifts)
+            )
 
     def _placed(self, t: Array, frame: Array, frame_end: Array, step: Array) -> RowPlaces:
         if len(self._borders) == 1:
             return RowPlaces(t, t, frame, frame_end, step)
-        if self._arrays is None:
-            self._arrays = np.array(self._borders), np.array(self._shifts)
-        borders, shifts = self._arrays
-        at = np.searchsorted(borders, frame, "right") - 1
-        return RowPlaces(t, np.where(t == NO_TIME, NO_TIME, t + shifts[at]), frame, frame_end, step)
+        shifts = self._shifts[np.searchsorted(self._borders, frame, "right") - 1]
+        return RowPlaces(t, np.where(t == NO_TIME, NO_TIME, t + shifts), frame, frame_end, step)
+
+    def release(self) -> None:
+        """Let the transfers of the batch go."""
+        self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
 
     @property
     def transfers(self) -> RowPlaces:
@@ -261,7 +264,7 @@ class RecordedClock:
     @property
     def ran(self) -> int | None:
         """The end of the recording so far; None without times."""
-        return None if self.last is None else self.last + self._shifts[-1]
+        return None if self.last is None else self.last + int(self._shifts[-1])
 
     @property
     def start(self) -> int | None:

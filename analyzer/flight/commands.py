@@ -59,7 +59,10 @@ class CommandEvents:
     def __init__(self, commands: CommandReader, add: Callable[[FlightEvent], None]) -> None:
         self._commands, self._add = commands, add
         self._wide: dict[tuple[str, int, int, int], Spell] = {}  # spreads that may go on
-        self._spells = {name: Spells(lasting("silent_motor")) for name in (ZERO, SATURATION, SPREAD)}
+        least = {SATURATION: lasting("saturated"), SPREAD: lasting("spread")}
+        self._spells = {
+            name: Spells(lasting("silent_motor"), least.get(name, 0)) for name in (ZERO, SATURATION, SPREAD)
+        }
 
     def feed(self, _: Batch) -> None:
         """Add the next batch."""

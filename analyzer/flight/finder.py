@@ -40,7 +40,7 @@ class EventFinder:
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
         self._log = EventLog()
         add = self._log.add
-        self._reading = reading = FlightReading(registry, add)
+        self._reading = reading = FlightReading(registry, self._log)
         self._channels = reading.channels
         self.clock, self.commands, self.order, self.escs = reading.clock, reading.commands, reading.order, reading.escs
         order = self.order
@@ -66,6 +66,10 @@ class EventFinder:
             part.feed(batch)
         if self._told is not None:
             self._told.feed(batch)
+
+    def release(self) -> None:
+        """Let the batch go, once those who share its reading have looked at it, too."""
+        self._reading.release()
 
     def finish(self) -> pa.Table:
         """Return the events in the order of the capture: `FLIGHT_EVENTS`."""

@@ -67,6 +67,13 @@ class EventLog:
             return
         self._all.append(event)
 
+    def spare(self, kind: str, bus: int, node: int, type_: str) -> bool:
+        """Return whether one more is kept of a kind other than a fault; if not, count it, so that nobody adds it."""
+        if self._count[kind, bus, node, type_, ""] < MOST_ALIKE and len(self._all) < MOST_EVENTS:
+            return True
+        self.more += 1
+        return False
+
     def fresh(self, channels: ToldChannels) -> list[FlightEvent]:
         """Return those that were told since the last time, in no order."""
         found, self._given = self._all[self._given :], len(self._all)

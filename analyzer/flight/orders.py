@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.devices import fields
 from dissectors.kit.cells import numbers
-from dissectors.kit.order import groups
+from dissectors.kit.order import changes, groups
 from dissectors.records import dataclass
 from dissectors.times import NO_TIME
 
@@ -33,6 +34,10 @@ class Orders:
     sender: Array
     highest: Array
     lowest: Array
+
+    def take(self, rows: Array) -> Orders:
+        """Return some of them."""
+        return Orders(self.columns[:, rows], self.sender[rows], self.highest[rows], self.lowest[rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +71,15 @@ class CommandReader:
             if found is None:
                 continue
             at = self._clock.of(table)
-            for key, mine in by_sender(found.sender, ~np.isnan(found.highest) & (at.t != NO_TIME)):
-                columns, highest, lowest = found.columns[:, mine], found.highest[mine], found.lowest[mine]
+            good = ~np.isnan(found.highest) & (at.t != NO_TIME)
+            if not good.all() or (found.sender != found.sender[0]).any():
+                rows = np.flatnonzero(good)
+                rows = rows[grouped(found.sender[rows])[0]]
+                found, at = found.take(rows), at.take(rows).settled()
+            borders = [*changes(found.sender, -1).tolist(), len(found.sender)]
+            for mine in map(slice, borders[:-1], borders[1:]):
+                key, columns = int(found.sender[mine.start]), found.columns[:, mine]
+                highest, lowest = found.highest[mine], found.lowest[mine]
                 self.now.append(Commands(plot, key >> 8, key & 0xFF, columns, highest, lowest, at.take(mine)))
 
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 class EventOrder(NamedTuple):
     """The types, what is known of their tables, the clock of the capture, fed before, and who takes the events.
 
-    `reader` reads the tables of a batch, `channels` are those that nodes told, fed before, too.
+    `reader` reads the tables of a batch, `channels` are those that nodes told, fed before, too. `spare` says whether
+    one more event of a kind, bus, node and type is wanted; one that is not has been counted.
     """
 
     registry: Registry
@@ -28,6 +29,7 @@ class EventOrder(NamedTuple):
     add: Callable[[FlightEvent], None]
     reader: ReportReader
     channels: ToldChannels
+    spare: Callable[[str, int, int, str], bool]
 
 
 class ReportEvents(ABC):

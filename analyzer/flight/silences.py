@@ -19,7 +19,7 @@ from dissectors.records import dataclass, field
 from dissectors.times import MILLISECOND, NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock, RowPlaces, Spot
@@ -103,7 +103,7 @@ class SilenceEvents:
                 self._calm(session)
                 session.last = at.at(int(places[-1]))
                 if behind is not None:
-                    self._note_holes(session, at.step[places], behind[places])
+                    self._note_holes(session, at.step[places], behind[places], [(0, session.usual)], None)
                 continue
             if session is None:
                 if len(self._sessions) >= MOST_SESSIONS:
@@ -112,11 +112,7 @@ class SilenceEvents:
                 name = about.table if about is not None else f"type {key >> 8 & 0xFFFF}"
                 session = self._sessions[key] = _Session(key >> 24, key & 0xFF, name)
                 session.holes = 0 if behind is None else int(behind[places[0]])
-            mine = at.take(places)
-            if behind is None:
-                self._take(session, mine)
-            else:
-                self._cross(session, mine, behind[places])
+            self._take(session, at.take(places), None if behind is None else behind[places])
 
     def finish(self) -> None:
         """Tell who is silent to the end of the recording."""
@@ -136,54 +132,62 @@ class SilenceEvents:
             if one.last is not None
         ]
 
-    def _cross(self, session: _Session, at: RowPlaces, behind: Array) -> None:
-        """Take transfers, and note how their IDs go on behind holes in which the sender would have sent."""
-        borders = changes(behind, session.holes).tolist()
-        for start, stop in pairwise(dict.fromkeys((0, *borders, len(at)))):
-            here = slice(start, stop)
-            self._note_holes(session, at.step[here], behind[here])
-            self._take(session, at.take(here))
-
-    def _note_holes(self, session: _Session, step: Array, behind: Array) -> None:
-        """Note how IDs go on behind holes before transfers, of which each has so many `behind` it."""
-        rows = changes(behind, session.holes)
-        session.holes = int(behind[-1])
-        if not session.usual:
-            return
-        for number, how in zip(behind[rows].tolist(), step[rows].tolist(), strict=True):
-            hole = self._clock.holes[number - 1]
-            if abs(hole.length) > 2 * session.usual:
-                hole.steps[0 if how == 1 else 2 if how == ANEW else 1] += 1
-
-    def _take(self, session: _Session, at: RowPlaces) -> None:
+    def _take(self, session: _Session, at: RowPlaces, behind: Array | None) -> None:
+        """Take transfers, and how many holes are `behind` each, None while there are none."""
         ran = at.ran
         start = ran[0] if session.last is None else session.last.ran
-        gaps = steps(ran, start)
+        gaps, kept, usual = steps(ran, start), None, [(0, session.usual)]
         if gaps.min() < 0:  # a torn transfer is told only when the next one with its ID comes
-            at = at.take(ran >= np.maximum(np.maximum.accumulate(ran), start))
-            if not len(at):
-                return
-            gaps = steps(at.ran, start)
-        if session.last is None:
-            session.first = int(at.ran[0])
-        k = 1 if session.last is None else 0
-        while k < len(gaps):
-            if not session.limit:
-                k = self._learn(session, gaps, k)
-                continue
-            over = np.flatnonzero(gaps[k:] > session.limit)
-            if not len(over) or over[0] > 0:
+            kept = ran >= np.maximum(np.maximum.accumulate(ran), start)
+        some = at if kept is None else at.take(kept)
+        if len(some):
+            gaps = gaps if kept is None else steps(some.ran, start)
+            k = 0
+            if session.last is None:
+                session.first, k = int(some.ran[0]), 1
+            while k < len(gaps):
+                k = self._pauses(session, some, gaps, k) if session.limit else self._learn(session, gaps, k)
+                if session.usual != usual[-1][1]:
+                    usual.append((k, session.usual))
+            session.last = some.at(-1)
+        if behind is not None:
+            self._note_holes(session, at.step, behind, usual, kept)
+
+    def _note_holes(
+        self, session: _Session, step: Array, behind: Array, usual: Sequence[tuple[int, int]], kept: Array | None
+    ) -> None:  # fmt: skip
+        """Note how IDs go on behind holes in which the sender would have sent, by what was `usual` then.
+
+        That is told behind so many of the transfers that were `kept`, None for all.
+        """
+        rows = changes(behind, session.holes)
+        session.holes = int(behind[-1])
+        if not len(rows) or not any(period for _, period in usual):
+            return
+        taken = rows if kept is None else (np.cumsum(kept) - kept)[rows]
+        since, periods = (np.array(column) for column in zip(*usual, strict=True))
+        period = periods[np.searchsorted(since, taken, "right") - 1]
+        rows = rows[(period > 0) & (np.abs(self._clock.lengths_before(behind[rows])) > 2 * period)]
+        for number, how in zip(behind[rows].tolist(), step[rows].tolist(), strict=True):
+            self._clock.holes[number - 1].steps[0 if how == 1 else 2 if how == ANEW else 1] += 1
+
+    def _pauses(self, session: _Session, at: RowPlaces, gaps: Array, k: int) -> int:
+        """Take gaps until it is known that the sender goes slower; return where to go on."""
+        most = threshold("slower_after")
+        for place in (np.flatnonzero(gaps[k:] > session.limit) + k).tolist():
+            if place > k:
                 self._calm(session)
-            if not len(over):
-                break
-            k += int(over[0])
-            last = at.at(k - 1) if k else session.last
+            k = place + 1
+            last = at.at(place - 1) if place else session.last
             if last is not None:
-                session.pauses.append(self._silence(session, last, at.at(k), int(at.ran[k])))
-            if len(session.pauses) >= threshold("slower_after"):
+                here = at.at(place)
+                session.pauses.append(self._silence(session, last, here, here.ran))
+            if len(session.pauses) >= most:
                 self._slower(session)
-            k += 1
-        session.last = at.at(-1)
+                return k
+        if k < len(gaps):
+            self._calm(session)
+        return len(gaps)
 
     def _learn(self, session: _Session, gaps: Array, k: int) -> int:
         """Take periods until they are enough; return where to go on."""

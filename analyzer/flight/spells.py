@@ -55,10 +55,12 @@ class Spells:
 
     Args:
         patience: recorded time without a row that ends a spell, 0 for none.
+        least: recorded time from its first to its last row; spells of less that are over by the end of the rows in
+            which they begin are left out.
     """
 
-    def __init__(self, patience: int = 0) -> None:
-        self._patience = patience
+    def __init__(self, patience: int = 0, least: int = 0) -> None:
+        self._patience, self._least = patience, least
         self._states: dict[Hashable, _State] = {}
 
     def feed(
@@ -96,7 +98,10 @@ class Spells:
         borders = late.copy()
         borders[changes(on, state.spell is not None)] = True
         rows, start = np.flatnonzero(borders), 0
-        columns = rows.tolist(), on[rows].tolist(), late[rows].tolist(), at.spots(rows - 1), at.spots(rows)
+        begins = on[rows]
+        if self._least and len(rows):
+            rows, begins = self._without_short(state, rows, on, at)
+        columns = rows.tolist(), begins.tolist(), late[rows].tolist(), at.spots(rows - 1), at.spots(rows)
         for k, holds, anew, before, here in zip(*columns, strict=True):
             last = before if k else state.last
             spell = state.spell
@@ -111,6 +116,15 @@ class Spells:
         if state.spell is not None:
             state.spell.last = state.last
             yield SpellPart(state.spell, start, len(on), over=False)
+
+    def _without_short(self, state: _State, rows: Array, on: Array, at: RowPlaces) -> tuple[Array, Array]:
+        """Return the borders of spells, and which of them begin one, without those that are too short."""
+        holds, ran = on[rows], at.ran
+        holds[:-1] &= ran[rows[1:] - 1] - ran[rows[:-1]] >= self._least
+        kept = holds.copy()
+        kept[1:] |= holds[:-1]  # which end one
+        kept[0] |= state.spell is not None
+        return rows[kept], holds[kept]
 
     def _late(self, state: _State, at: RowPlaces) -> bool:
         """Return whether any of some rows came too late to go on with what was."""

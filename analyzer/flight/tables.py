@@ -115,7 +115,11 @@ class ReportReader:
             self._rows[name] = None if table is None or not len(table := usable(table)) else table
         return self._rows[name]
 
-    def _turn_to(self, batch: Batch) -> None:
+    def release(self) -> None:
+        """Let the tables of the batch go."""
+        self._turn_to(None)
+
+    def _turn_to(self, batch: Batch | None) -> None:
         if self._batch is not batch:
             self._batch, self._tables, self._rows = batch, {}, {}
 

@@ -63,6 +63,7 @@ class Witness:
         if self.courses is not None:
             self.courses.feed(batch)
         self._odd.feed()
+        self._finder.release()
 
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""

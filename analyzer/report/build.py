@@ -39,7 +39,7 @@ def build(
     """Build the report of all captures, judged with the same settings."""
     enabled = settings.enabled(pages)
     captures = tuple(describe_capture(one, registry, pages, settings) for one in taken)
-    found = [finding for one in taken for finding in _findings(one, pages, settings)]
+    found = [finding for one in taken for finding in _findings(one, pages, settings, options.fail_on)]
     shown, folded = folding.fold(ranked(found))
     events = tuple(event for one in taken for event in _events(one, pages))
     draft = Draft(tuple(taken), captures, shown, events=events)
@@ -72,11 +72,14 @@ def build(
     )
 
 
-def _findings(one: JudgedCapture, pages: Mapping[str, Page], settings: Settings) -> Iterator[Finding]:
+def _findings(
+    one: JudgedCapture, pages: Mapping[str, Page], settings: Settings, fail_on: FailOn
+) -> Iterator[Finding]:  # fmt: skip
     checked = one.checked
     return findings_from(
-        checked.outcome, checked.facts.bus_names, pages, settings, capture=one.id, coarse=checked.coarse
-    )
+        checked.outcome, checked.facts.bus_names, pages, settings, capture=one.id, coarse=checked.coarse,
+        fail_on=fail_on,
+    )  # fmt: skip
 
 
 def _events(one: JudgedCapture, pages: Mapping[str, Page]) -> Iterator[DeviceEvent]:

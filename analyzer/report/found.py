@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from analyzer.report.model import SEVERITIES, DeviceEvent, Example, Finding, Place
 from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import verdicts
 from analyzer.rules.events import EVERY_BUS
+from analyzer.rules.gate import FailOn
+from analyzer.rules.runs import Shown
 from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from analyzer.report.model import Category, Origin
+    from analyzer.report.model import Category, Origin, Severity
     from analyzer.rules.catalogue import Page
     from analyzer.rules.judge import Outcome
-    from analyzer.rules.runs import OccurrenceRun, Shown
     from analyzer.rules.settings import Settings
+
+NEVER_FAILS = FailOn()
+_UNSHOWN = Shown(NO_TIME, -1, "", "", (), ())
 
 
 def findings_from(
@@ -28,6 +32,7 @@ def findings_from(
     *,
     capture: str = "",
     coarse: bool = False,
+    fail_on: FailOn = NEVER_FAILS,
 ) -> Iterator[Finding]:
     """Give a finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
     for key, run in outcome.runs:
@@ -35,20 +40,30 @@ def findings_from(
         if page.event:
             continue
         doubtful = coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
+        severity: Severity = "note" if doubtful else key.severity
+        examples = run.examples
+        first, shown = _place(*run.first), examples[0] if examples else _UNSHOWN
         yield Finding(
-            rule=key.rule,
-            title=page.title,
-            severity="note" if doubtful else key.severity,
-            category=cast("Category", page.category),
-            origin=cast("Origin", page.origin),
-            clause=page.clause,
-            capture=capture,
-            bus="" if key.bus == EVERY_BUS else buses[key.bus],
-            node=None if key.node < 0 else key.node,
-            label=outcome.labels.get((key.bus, key.node), ""),
-            type=key.type,
-            key=key.key,
-            **_course(run, verdicts.COARSE if doubtful else ""),
+            key.rule,
+            page.title,
+            severity,
+            cast("Category", page.category),
+            cast("Origin", page.origin),
+            page.clause,
+            capture,
+            "" if key.bus == EVERY_BUS else buses[key.bus],
+            None if key.node < 0 else key.node,
+            outcome.labels.get((key.bus, key.node), ""),
+            key.type,
+            key.key,
+            run.count,
+            first,
+            first if run.last == run.first else _place(*run.last),
+            _frames(examples),
+            ", ".join(filter(None, (verdicts.COARSE, shown.cause))) if doubtful else shown.cause,
+            run.text or shown.text,
+            tuple(map(_example, examples)),
+            fails=fail_on.fails(page.category, severity),
         )
 
 
@@ -82,18 +97,12 @@ def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=order))
 
 
-def _course(run: OccurrenceRun, doubt: str) -> dict[str, Any]:
-    frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
-    first, shown = _place(*run.first), run.examples[0] if run.examples else None
-    return {
-        "count": run.count,
-        "first": first,
-        "last": first if run.last == run.first else _place(*run.last),
-        "frames": tuple(frames)[:MOST_FRAMES],
-        "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
-        "text": run.text or ("" if shown is None else shown.text),
-        "examples": tuple(map(_example, run.examples)),
-    }
+def _frames(examples: Sequence[Shown]) -> tuple[int, ...]:
+    """Return the first frames of some occurrences, each once, as people count them; most runs have one occurrence."""
+    if len(examples) == 1 and examples[0].frame >= 0:
+        return (examples[0].frame + 1,)
+    frames = dict.fromkeys(number + 1 for shown in examples for number in _evidence(shown))
+    return tuple(frames)[:MOST_FRAMES]
 
 
 def _evidence(shown: Shown) -> Sequence[int]:

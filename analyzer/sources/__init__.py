@@ -85,7 +85,7 @@ class Source(Stored):
             self.damage = None
 
     def _read(self, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
-        head = b""
+        head = data = b""
         for data in chunks:
             head += data
             if len(head) >= _HEAD:
@@ -106,6 +106,7 @@ class Source(Stored):
             raise CaptureError(self.name, place, f"looks like {self.format.name}, which is not read")
         if self.format.unit == "line":
             chunks = text_of(self, chunks, self._cut)
+        del head, data  # `chunks` has it, until it is taken
         yield from self.reader()(self, chunks)
 
     def _cut(self, size: int) -> None:

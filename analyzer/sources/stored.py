@@ -111,14 +111,16 @@ class Stored:
             except OSError as error:
                 self.damage = UnavailableError(self.name, f"byte {self.size}", error.strerror or str(error))
                 return
-            if data:
+            size = len(data)
+            if size:
                 self._count(data)
                 yield data
-            if (last and pipe) or (not data and (last or pipe or not self.follow)):
+            del data  # else it would be there while the next one is read
+            if (last and pipe) or (not size and (last or pipe or not self.follow)):
                 return
-            if self.follow and (pipe or not data):
+            if self.follow and (pipe or not size):
                 yield b""
-                if len(data) < _FULL_PIPE:
+                if size < _FULL_PIPE:
                     self._pause()
                 if not pipe:
                     yield from self._restarted(file)

@@ -23,7 +23,7 @@ def text_of(source: Stored, chunks: Iterator[bytes], cut: Callable[[int], None])
     """
     held, size = b"", 0
     for chunk in chunks:
-        part = chunk if size else chunk.removeprefix(UTF8_MARK)
+        part, whole = chunk if size else chunk.removeprefix(UTF8_MARK), b""
         size += len(chunk)
         if not chunk and size:
             yield b""
@@ -33,6 +33,7 @@ def text_of(source: Stored, chunks: Iterator[bytes], cut: Callable[[int], None])
             whole, held = held, part
         if chunk and whole:
             yield whole
+        del chunk, part, whole  # else they would be there while the next one is read
     whole, rest = _split(held)
     if source.stopped:
         held = whole

@@ -10,11 +10,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.flight.clock import RowPlaces
+from analyzer.flight.clock import RowPlaces, Spot
 from analyzer.flight.robust import of_few
 from analyzer.flight.silences import _paces
 from analyzer.flight.spells import Spells
 
+ROWS = st.lists(st.tuples(st.booleans() | st.just(value=True), st.integers(0, 4)), min_size=1)
 NUMBERS = st.integers(-5, 5) | st.floats(allow_nan=True, allow_infinity=True, width=32)
 
 
@@ -24,8 +25,8 @@ def _places(ran: list[int]) -> RowPlaces:
     return RowPlaces(times, times, frames, frames, np.ones(len(times), np.int64))
 
 
-def _told(on: list[bool], ran: list[int], cut: int, patience: int) -> list[tuple[object, ...]]:
-    spells = Spells(patience)
+def _told(on: list[bool], ran: list[int], cut: int, patience: int, least: int = 0) -> list[tuple[object, ...]]:
+    spells = Spells(patience, least)
     parts = [
         part
         for rows in (slice(0, cut), slice(cut, None))
@@ -36,11 +37,27 @@ def _told(on: list[bool], ran: list[int], cut: int, patience: int) -> list[tuple
     return [*found, *((one.before, one.first, one.last) for one in spells.finish())]
 
 
-@given(st.lists(st.tuples(st.booleans() | st.just(value=True), st.integers(0, 4)), min_size=1), st.data())
+def _lasts(told: tuple[object, ...]) -> int:
+    _, first, last, *_ = told
+    assert isinstance(first, Spot)
+    assert isinstance(last, Spot)
+    return last.ran - first.ran
+
+
+@given(ROWS, st.data())
 def test_spells_are_the_same_in_two_pieces(rows: list[tuple[bool, int]], data: st.DataObject) -> None:
     on, ran = [one for one, _ in rows], np.cumsum([step for _, step in rows]).tolist()
     cut, patience = data.draw(st.integers(0, len(rows))), data.draw(st.integers(0, 3))
     assert _told(on, ran, cut, patience) == _told(on, ran, len(rows), patience)
+
+
+@given(ROWS, st.data())
+def test_only_short_spells_are_left_out(rows: list[tuple[bool, int]], data: st.DataObject) -> None:
+    on, ran = [one for one, _ in rows], np.cumsum([step for _, step in rows]).tolist()
+    cut, patience = data.draw(st.integers(0, len(rows))), data.draw(st.integers(0, 3))
+    every, some = (_told(on, ran, cut, patience, least) for least in (0, 4))
+    assert set(some) <= set(every)
+    assert [one for one in some if _lasts(one) >= 4] == [one for one in every if _lasts(one) >= 4]
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1))

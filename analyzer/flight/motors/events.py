@@ -9,72 +9,30 @@ from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.motors.halves import speeds_alone
 from analyzer.flight.motors.reports import channel
+from analyzer.flight.motors.spans import TroubleSpans
 from analyzer.flight.motors.watch import DRAWING, GIVEN, GOOD, LOADED, TURNING, MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.robust import of_few
-from analyzer.flight.spells import Spells
-from analyzer.flight.thresholds import lasting, threshold
-from dissectors.records import dataclass, field
+from analyzer.flight.thresholds import threshold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Spot
     from analyzer.flight.motors.reports import EscReader
-    from analyzer.flight.motors.watch import ComparedReports
+    from analyzer.flight.motors.spans import MotorTrouble
     from analyzer.flight.reports import EventOrder
-    from analyzer.flight.spells import Spell
-    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 MOST_DEVICES = 256
 UNLOADED, DRAGGED, UNDRIVEN, SLOW = "unloaded", "dragged", "undriven", "slow"
-_TOLD = 8  # reports by which it is told what happens
 _STANDS, _SAME, _TIMES = 0.02, 0.015, 2.0  # shares of what was before
-_FASTER, _LAW = 0.05, 3  # of its speed; the power of a propeller goes with the third power of the speed
 _WORDS = {
     UNLOADED: "its load is gone",
     DRAGGED: "something brakes it, or it is out of step",
     UNDRIVEN: "it is not driven as commanded",
     SLOW: "it is slower",
 }
-
-
-@dataclass(slots=True)
-class _Memory:
-    """The first reports of a spell, as shares of the past and of the command; `sure` if one is far off.
-
-    `well` are the last reports before them that were well, each way.
-    """
-
-    well: Sequence[Spot | None] = ()
-    speed: list[float] = field(default_factory=list)
-    current: list[float] = field(default_factory=list)
-    reported: list[float] = field(default_factory=list)
-    count: int = 0
-    sure: bool = False
-
-    def note(self, some: ComparedReports, far: Array, start: int, stop: int) -> None:
-        """Take the next reports; `far` off are those of which one is enough."""
-        for mine, its in ((self.speed, some.speed), (self.current, some.current), (self.reported, some.reported)):
-            if (room := _TOLD - len(mine)) > 0:
-                mine.extend(its[start : min(stop, start + room)].tolist())
-        self.count += stop - start
-        self.sure = self.sure or bool(far[start:stop].any())
-
-    @property
-    def driven_faster(self) -> bool:
-        """True if it just turns faster, with no more current than a propeller takes for that: it was learned slower."""
-        speed, currents = of_few(self.speed), [share for share in self.current if isfinite(share)]
-        return speed > 1 + _FASTER and bool(currents) and 1 <= of_few(currents) <= speed**_LAW
-
-    def add(self, other: _Memory) -> None:
-        """Take what follows."""
-        for mine, its in ((self.speed, other.speed), (self.current, other.current), (self.reported, other.reported)):
-            mine.extend(its[: _TOLD - len(mine)])
-        self.count += other.count
-        self.sure |= other.sure
 
 
 class MotorEvents(ReportEvents):
@@ -90,8 +48,8 @@ class MotorEvents(ReportEvents):
         self._escs = escs
         self._tables = {plot.table for plot in self._plots}
         self._watches: dict[tuple[str, int], MotorWatch] = {}
-        self._spells = Spells(lasting("silent_motor"))
-        self._open: dict[tuple[str, int], Spell] = {}  # that may go on
+        self._spans: dict[tuple[str, int], TroubleSpans] = {}
+        self._spare = order.spare
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
@@ -111,7 +69,9 @@ class MotorEvents(ReportEvents):
                 if not whole or len(self._watches) >= MOST_DEVICES:
                     continue
                 watch = self._watches[plot.table, key] = MotorWatch()
-            self._follow((plot.table, key), watch.feed(told))
+                self._spans[plot.table, key] = TroubleSpans()
+            for trouble in self._spans[plot.table, key].feed(watch.feed(told)):
+                self._tell((plot.table, key), trouble)
 
     def learned(self, bus: int, node: int) -> int | None:
         """Return when it was known what each motor of an ESC does at a command; None if it never was."""
@@ -121,42 +81,20 @@ class MotorEvents(ReportEvents):
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
-        for spell in self._spells.finish():
-            self._end(spell)
-        for spell in self._open.values():
-            self._tell(spell)
+        for key, spans in self._spans.items():
+            if spans.open is not None:
+                self._tell(key, spans.open)
 
-    def _follow(self, key: tuple[str, int], some: ComparedReports) -> None:
-        far = (some.speed < threshold("motor_once_slow")) | (some.current < threshold("motor_once_unloaded"))
-        for part in self._spells.feed(key, some.off, some.at):
-            if part.spell.memory is None:
-                part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
-            part.spell.memory.note(some, far, part.start, part.stop)
-            if part.over:
-                self._end(part.spell)
-
-    def _end(self, spell: Spell) -> None:
-        """Take a spell that is over; those of a motor that follow each other closely are one."""
-        known = self._open.get(spell.key)
-        if known is not None and spell.first.ran - known.last.ran <= lasting("motor_again"):
-            known.last, known.after = spell.last, spell.after
-            known.memory.add(spell.memory)
-            return
-        if known is not None:
-            self._tell(known)
-        self._open[spell.key] = spell
-
-    def _tell(self, spell: Spell) -> None:
-        memory: _Memory = spell.memory
-        if (memory.count <= 1 and not memory.sure) or memory.driven_faster:
-            return
-        table, key = spell.key
+    def _tell(self, of: tuple[str, int], trouble: MotorTrouble) -> None:
+        table, key = of
         bus, node, _ = split(key)
+        if not trouble.counts or not self._spare("motor", bus, node, table):
+            return
         plot = next(plot for plot in self._plots if plot.table == table)
-        sign, speed, current, reported = _told(memory)
-        well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
+        sign, speed, current, reported = _told(trouble)
+        well = [trouble.well[way] for way in _contradicting(sign, speed, current, reported)]
         # Who was never well may have been so from its first report on.
-        unknown = self._watches[spell.key].first if memory.well else spell.before
+        unknown = self._watches[of].first
         before = max((one for one in well if one is not None), key=lambda one: one.ran, default=unknown)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         if sign == UNLOADED and current > threshold("motor_bare"):
@@ -164,11 +102,11 @@ class MotorEvents(ReportEvents):
         text = f"speed {_change(speed)}, current {_change(current)} at such a command: {words}"
         if sign == UNDRIVEN and isfinite(reported):
             text += f" (it reports {100 * reported:.0f} % of what is commanded)"
-        values = {"speed_share": round(speed, 3), "current_share": round(current, 3), "reports": memory.count}
+        values = {"speed_share": round(speed, 3), "current_share": round(current, 3), "reports": trouble.count}
         if isfinite(reported):
             values["reported_share"] = round(reported, 3)
         self._add(FlightEvent(
-            "motor", text, before, spell.first, spell.after, bus, node, channel(plot, key), table, "",
+            "motor", text, before, trouble.first, trouble.after, bus, node, channel(plot, key), table, "",
             values, sign,
         ))  # fmt: skip
 
@@ -180,11 +118,11 @@ def _change(share: float) -> str:
     return f"{100 * (share - 1):+.0f} %" if abs(share - 1) >= _SAME else "as before"
 
 
-def _told(memory: _Memory) -> tuple[str, float, float, float]:
+def _told(trouble: MotorTrouble) -> tuple[str, float, float, float]:
     """Return of what it is a sign, and the shares of speed, current and command that show it."""
-    speed = of_few(memory.speed)
-    currents = [share for share in memory.current if isfinite(share)] or [1.0]
-    given = [share for share in memory.reported if isfinite(share)]
+    speed = of_few(trouble.speed)
+    currents = [share for share in trouble.current if isfinite(share)] or [1.0]
+    given = [share for share in trouble.reported if isfinite(share)]
     middle, most, reported = of_few(currents), max(currents), of_few(given)
     if reported < threshold("motor_given"):
         return UNDRIVEN, speed, middle, reported

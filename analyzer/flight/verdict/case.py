@@ -64,7 +64,7 @@ class FlightCase:
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
         self._learned = witness.learned
-        self._commands, self.supply, self.setups = witness.command_types, witness.supply, witness.setups
+        self.supply, self.setups = witness.supply, witness.setups
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
@@ -74,6 +74,7 @@ class FlightCase:
         self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < alive]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
         self._senders = {(one.bus, one.node) for one in self.paces}
+        self.commanders = {(one.bus, one.node) for one in self.paces if one.type in witness.command_types}
         self._usual: dict[tuple[int | None, int | None, str], int] = {}
         for one in self.paces:
             of = one.bus, one.node, one.type
@@ -151,10 +152,6 @@ class FlightCase:
         ranges = [one.ranges["voltage"] for one in self.escs if "voltage" in one.ranges]
         return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else (np.nan, np.nan)
 
-    def commanders(self) -> set[Node]:
-        """Return who commands."""
-        return {(one.bus, one.node) for one in self.paces if one.type in self._commands}
-
     def esc_of(self, ch: int) -> EscExtent | None:
         """Return who reports as a channel, None if nobody does, or several."""
         found = [one for one in self.escs if one.ch == ch]
@@ -203,7 +200,7 @@ class FlightCase:
         """Return what a node is by what it sends, in brackets; empty if that says nothing."""
         sends = {one.type.rpartition(".")[2] for one in self.paces if (one.bus, one.node) == (bus, node)}
         roles = [role for word, role in ROLES if any(name.startswith(word) for name in sends)]
-        if (bus, node) in self.commanders():
+        if (bus, node) in self.commanders:
             roles.insert(0, "autopilot")
         return f" ({', '.join(dict.fromkeys(roles))})" if roles else ""
 
@@ -322,8 +319,9 @@ class FlightCase:
             for one in silent
             if one.before is not None and one.bus is not None and one.node is not None
         ]  # fmt: skip
-        for low, _, _ in spans:
-            at_once = [(stop, node) for start, stop, node in spans if start <= low < stop]
+        borders = np.array([span[:2] for span in spans], np.int64).reshape(-1, 2)
+        for low in dict.fromkeys(borders[:, 0].tolist()):
+            at_once = [spans[k][1:] for k in np.flatnonzero((borders[:, 0] <= low) & (low < borders[:, 1])).tolist()]
             if len({node for _, node in at_once}) >= threshold("joint_senders"):
                 found.append((low, _until(at_once)))
         return _merged(found)

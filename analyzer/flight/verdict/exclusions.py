@@ -103,7 +103,7 @@ def looked_at(case: FlightCase) -> Sequence[str]:
     count = case.pulse.count(case.start, case.stop)
     if count:
         rate = f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz"
-        several = sorted(node for _, node in case.commanders())
+        several = sorted(node for _, node in case.commanders)
         rate += f" of nodes {' and '.join(map(str, several))}" if len(set(several)) > 1 else ""
         parts.insert(min(2, len(parts)), rate)
     if case.esc_nodes:

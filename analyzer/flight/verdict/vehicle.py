@@ -24,13 +24,12 @@ _NEARLY_ALL = 0.9  # of the last quarter of the flight
 
 def device_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield any other node that restarts, falls silent or says that it is ill."""
-    commanders = case.commanders()
     some = [
         one for one in case.events
         if one.kind in {"silence", "restart"} or (one.kind == "health" and not one.text.endswith("ok"))
     ]  # fmt: skip
     for node, events in by_node(some).items():
-        if node in case.esc_nodes or node in commanders:
+        if node in case.esc_nodes or node in case.commanders:
             continue
         mine = [one for one in events if not case.in_joint_loss(one)]
         restarts = [one for one in mine if one.kind == "restart"]
@@ -73,7 +72,7 @@ def _restarts(case: FlightCase, one: FlightEvent) -> list[FlightEvent]:
     until = (case.border if one.after is None else one.after.ran) + lasting("silence_after")
     return [
         other for other in case.events
-        if other.kind == "restart" and (other.bus, other.node) in case.commanders()
+        if other.kind == "restart" and (other.bus, other.node) in case.commanders
         and one.first.ran <= other.first.ran <= until
     ]  # fmt: skip
 
