@@ -11,11 +11,12 @@ mod recent;
 mod sums;
 mod supply;
 
+pub use binned::{BINS, KINDS, SLOTS};
 pub use log::CommandLog;
 pub use orders::{ordered, Ordered, Orders};
 use past::{Expected, Past, LAW};
 use recent::Recent;
-pub use sums::{SumLimits, Sums, Times, BINS, COUNTED, KINDS, MEASURED, NEVER, SLOTS};
+pub use sums::{SumLimits, Sums, Times, COUNTED, MEASURED, NEVER};
 pub use supply::SupplyLine;
 
 /// A current as a share of what it was at that speed, between which a report is as it should be.

@@ -226,8 +226,8 @@ impl Reassembler {
 }
 
 /// A session in [`Index`].
-fn key(bus: u8, bits: u32) -> u64 {
-    u64::from(bus) << 32 | u64::from(bits)
+fn key(bus: u8, bits: u32) -> u32 {
+    u32::from(bus) << 24 | bits
 }
 
 const REMOTE_FRAME: Outcome = Outcome::with(Verdict::NoTail, frame_anomaly::REMOTE);

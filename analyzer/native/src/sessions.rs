@@ -7,11 +7,12 @@ use std::hash::{BuildHasher, Hasher};
 /// Sessions beyond this many are not followed; their frames are foreign and marked.
 pub const MAX_SESSIONS: usize = 65_536;
 
-const EMPTY: u64 = u64::MAX;
+/// In place of a position.
+const EMPTY: u32 = u32::MAX;
 
 /// Keys to positions; keys are never removed.
 pub struct Index {
-    slots: Vec<(u64, u32)>,
+    slots: Vec<(u32, u32)>,
     used: u32,
     seed: u64,
 }
@@ -19,7 +20,7 @@ pub struct Index {
 impl Default for Index {
     fn default() -> Self {
         Index {
-            slots: vec![(EMPTY, 0); 256],
+            slots: vec![(0, EMPTY); 256],
             used: 0,
             seed: RandomState::new().build_hasher().finish(),
         }
@@ -27,32 +28,29 @@ impl Default for Index {
 }
 
 impl Index {
-    /// The position of `key` (below `u64::MAX`).
+    /// The position of `key`.
     #[inline]
-    pub fn find(&self, key: u64) -> Option<usize> {
+    pub fn find(&self, key: u32) -> Option<usize> {
         let mask = self.slots.len() - 1;
         let mut at = self.home(key);
         loop {
             let (there, position) = self.slots[at & mask];
-            if there == key {
-                return Some(position as usize);
-            }
-            if there == EMPTY {
-                return None;
+            if there == key || position == EMPTY {
+                return (position != EMPTY).then_some(position as usize);
             }
             at += 1;
         }
     }
 
     /// Gives a new `key` the next position; none when the table may not grow.
-    pub fn insert(&mut self, key: u64) -> Option<usize> {
+    pub fn insert(&mut self, key: u32) -> Option<usize> {
         if self.used as usize >= MAX_SESSIONS {
             return None;
         }
         if self.used as usize * 2 >= self.slots.len() {
-            let larger = vec![(EMPTY, 0); self.slots.len() * 2];
+            let larger = vec![(0, EMPTY); self.slots.len() * 2];
             let old = std::mem::replace(&mut self.slots, larger);
-            for (key, position) in old.into_iter().filter(|&(key, _)| key != EMPTY) {
+            for (key, position) in old.into_iter().filter(|&(_, position)| position != EMPTY) {
                 self.put(key, position);
             }
         }
@@ -62,18 +60,18 @@ impl Index {
         Some(position as usize)
     }
 
-    fn put(&mut self, key: u64, position: u32) {
+    fn put(&mut self, key: u32, position: u32) {
         let mask = self.slots.len() - 1;
         let mut at = self.home(key) & mask;
-        while self.slots[at].0 != EMPTY {
+        while self.slots[at].1 != EMPTY {
             at = (at + 1) & mask;
         }
         self.slots[at] = (key, position);
     }
 
     #[inline]
-    fn home(&self, key: u64) -> usize {
-        let mixed = (key ^ self.seed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    fn home(&self, key: u32) -> usize {
+        let mixed = (u64::from(key) ^ self.seed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         ((mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 32) as usize
     }
 }
@@ -85,11 +83,11 @@ mod tests {
     #[test]
     fn every_key_keeps_its_position_and_the_table_is_bounded() {
         let mut index = Index::default();
-        for key in 0..MAX_SESSIONS as u64 {
-            assert_eq!(index.find(key << 7), None);
-            assert_eq!(index.insert(key << 7), Some(key as usize));
+        for key in 0..MAX_SESSIONS as u32 {
+            assert_eq!(index.find(key << 16), None);
+            assert_eq!(index.insert(key << 16), Some(key as usize));
         }
-        assert!((0..MAX_SESSIONS as u64).all(|key| index.find(key << 7) == Some(key as usize)));
-        assert_eq!(index.insert(1), None);
+        assert!((0..MAX_SESSIONS as u32).all(|key| index.find(key << 16) == Some(key as usize)));
+        assert_eq!(index.insert(u32::MAX), None);
     }
 }

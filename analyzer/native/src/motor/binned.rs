@@ -2,8 +2,12 @@
 //! them reports twice.
 #![forbid(unsafe_code)]
 
-use super::sums::{BINS, KINDS, SLOTS};
-
+/// Stretches of time; when they are full, two become one.
+pub const SLOTS: usize = 128;
+/// Bins of the command, or of the logarithm of the speed.
+pub const BINS: usize = 40;
+/// Kinds of sums by bins: speed by command and volt, speed by command, power by speed, current by speed.
+pub const KINDS: usize = 4;
 type Bins = [f64; BINS];
 /// Numbers, and sums.
 type Page = [Bins; 2];

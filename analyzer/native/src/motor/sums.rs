@@ -1,15 +1,9 @@
 //! What one ESC reports as sums by time and bin: whole numbers, so that any cut of a capture gives the same.
 #![forbid(unsafe_code)]
 
-use super::binned::Binned;
+use super::binned::{Binned, BINS, SLOTS};
 use super::{Reports, NO_SUPPLY};
 
-/// Stretches of time; when they are full, two become one.
-pub const SLOTS: usize = 128;
-/// Bins of the command, or of the logarithm of the speed.
-pub const BINS: usize = 40;
-/// Kinds of sums by bins: speed by command and volt, speed by command, power by speed, current by speed.
-pub const KINDS: usize = 4;
 /// Sums by time alone: temperature, logarithm of the voltage, power.
 pub const MEASURED: usize = 3;
 /// Reports that came, that are missing, that came late.

@@ -1,4 +1,5 @@
 //! Columns that belong to a test.
+#![forbid(unsafe_code)]
 
 use super::{Columns, Hold};
 
