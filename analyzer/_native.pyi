@@ -40,10 +40,12 @@ __all__ = [
     "diagnose",
     "frame_bits",
     "grouped",
+    "identities",
     "joint",
     "message_records",
     "misnumbered",
     "protobuf",
+    "repeats",
     "unrecognized",
 ]
 if sys.platform == "linux":
@@ -246,6 +248,8 @@ class SessionCounters:
     def goes_on(self) -> tuple[int, int, int | None, int | None] | None: ...
     def __deepcopy__(self, _memo: object, /) -> SessionCounters: ...
 
+def identities(bus: Any, id: Any, offsets: Any, data: Any) -> tuple[Cells, Cells]: ...  # noqa: A002
+def repeats(keys: Any, tails: Any, places: Any, look: int, few: int) -> Cells: ...
 def diagnose(
     question: int,
     batches: list[FrameIndex],
