@@ -40,10 +40,12 @@ __all__ = [
     "diagnose",
     "frame_bits",
     "grouped",
+    "identities",
     "joint",
     "message_records",
     "misnumbered",
     "protobuf",
+    "repeats",
     "unrecognized",
 ]
 if sys.platform == "linux":
@@ -252,6 +254,8 @@ class IdNodes:
     def finish(self) -> tuple[list[IdCause], IdTold]: ...
     def __deepcopy__(self, _memo: object, /) -> IdNodes: ...
 
+def identities(bus: Any, id: Any, offsets: Any, data: Any) -> tuple[Cells, Cells]: ...  # noqa: A002
+def repeats(keys: Any, tails: Any, places: Any, look: int, few: int) -> Cells: ...
 def diagnose(
     question: int,
     batches: list[FrameIndex],

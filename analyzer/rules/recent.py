@@ -36,7 +36,7 @@ class _Cells(NamedTuple):
     flags: Callable[[int], int]
     verdict: Callable[[int], int]
     ends: Callable[[int], int]
-    data: bytes
+    data: memoryview
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: it never changes."""
@@ -58,7 +58,7 @@ class Recent:
         """Add the newest batch; the oldest ones go when nobody can need them."""
         if not len(frames):
             return
-        self._batches.append(frames)
+        self._batches.append(frames.bare())
         self._firsts.append(frames.first)
         self._cells.append(None)
         self._held += len(frames)
@@ -80,7 +80,7 @@ class Recent:
         row = number - self._firsts[at]
         if row >= rows:
             return None
-        cells = t(row), bus(row), id_(row), flags(row), data[ends(row) : ends(row + 1)], verdict(row)
+        cells = t(row), bus(row), id_(row), flags(row), bytes(data[ends(row) : ends(row + 1)]), verdict(row)
         found = Kept._make(cells)
         if len(self._remembered) >= _MOST_REMEMBERED:
             self._remembered.clear()
@@ -105,7 +105,7 @@ class Recent:
         offsets, data = batch.raw
         t, bus, id_, flags, verdict = batch.t, batch.bus, batch.id, batch.flags, batch.verdict
         cells = self._cells[at] = _Cells(
-            len(batch), t.item, bus.item, id_.item, flags.item, verdict.item, offsets.item, bytes(data)
+            len(batch), t.item, bus.item, id_.item, flags.item, verdict.item, offsets.item, data
         )
         return cells
 

@@ -88,6 +88,10 @@ class FrameTable(Columns):
     verdict: Array
     anomaly: Array
 
+    def bare(self) -> Self:
+        """Return the same rows for who keeps them, without the columns that rules have made of them."""
+        return type(self)(self._batch, self.first)
+
     @cached_property
     def length(self) -> Array:
         """Bytes of each data field."""

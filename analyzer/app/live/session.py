@@ -106,8 +106,12 @@ class LiveSession:
     def run(self) -> None:
         """Run until the capture loop has ended and everything is judged."""
         return_files()
+        heard = False
         for batch in self._run.batches():
             self._judge(batch)
+            if len(batch.frames) and not heard:
+                heard = True
+                return_files()  # what the first frames alone have needed
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""

@@ -15,6 +15,7 @@ use crate::reassembly::Resolve;
 use group::Group;
 use tables::{batch_tables, give, Dict, Tables};
 
+mod alike;
 mod budgets;
 mod buffer;
 mod calls;
@@ -221,6 +222,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<calls::Calls>()?;
     m.add_class::<budgets::Causes>()?;
     m.add_class::<remainders::Remainders>()?;
+    m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
+    m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer._native import repeats
+from analyzer.decode.sent import cells
 from analyzer.rules.joint.alike import identities
-from analyzer.tables import TAIL_ID, TRANSFER_IDS
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
@@ -19,10 +20,7 @@ LOOK = 1 << 15  # frames before one among which it may have been before
 _HELD = 1 << 17  # frames at least; what is older is not looked for
 _NEAR = SECOND  # so far apart is what the same piece of a capture does to sessions
 _FEW = 8  # frames in a row may have the same bytes before the tail: an uptime, for one
-_PLACE, _TAIL = 32, 8  # bits of a place among the frames that are held, and of a tail byte
-_SIEVE = 20  # bits of a key that leave few frames but those that are equal
-_SPARE = np.uint64(64 - _SIEVE)
-_NEW, _SEEN, _ONCE = 0, 1, 2  # what a frame is: _ONCE if it came once before, and few others had these bytes
+_NEW, _ONCE = 0, 2  # what a frame is, as the core says
 
 
 class Repeats:
@@ -99,36 +97,6 @@ class Repeats:
         start, key, tail = held[0].first, *(np.concatenate(columns) for columns in zip(*pairs, strict=True))
         rows = np.flatnonzero(numbers >= start)
         rows = rows[tail[numbers[rows] - start] >= 0]
-        kinds[rows] = _kinds(key, tail, numbers[rows] - start)
+        places = (numbers[rows] - start).astype(np.uint32)
+        kinds[rows] = cells(repeats(key, tail, places, LOOK, _FEW), np.uint8)
         return kinds
-
-
-def _kinds(key: Array, tail: Array, places: Array) -> Array:
-    """Return what frames are by the tail bytes of those of `LOOK` before each that are equal but for that."""
-    asked = np.zeros(1 << _SIEVE, bool)
-    asked[key[places] >> _SPARE] = True
-    like = np.flatnonzero(asked[key >> _SPARE])  # a few others are among them
-    order = np.argsort(key[like], kind="stable")
-    ranked = key[like[order]]
-    group = np.empty_like(like)
-    group[order] = np.cumsum(np.diff(ranked, prepend=ranked[:1]) != 0)
-    mine = np.searchsorted(like, places)
-    first, last = _before(group[order] << _PLACE | like[order], group[mine] << _PLACE, places)
-    kinds = np.full(len(places), _NEW, np.uint8)
-    some = np.flatnonzero(first < last)
-    same = group << _TAIL | tail[like] & (1 << _TAIL) - 1
-    low, high = _before(np.sort(same << _PLACE | like), same[mine[some]] << _PLACE, places[some])
-    kinds[some[high > low]] = _SEEN
-    few = some[(high - low == 1) & (last - first <= _FEW)[some]]
-    before = first[few, None] + np.arange(_FEW)
-    ids = tail[like[order[np.minimum(before, len(order) - 1)]]].astype(np.int64) & TAIL_ID
-    bits = np.bitwise_or.reduce(np.where(before < last[few, None], 1 << ids, 0), axis=1)
-    breaks = np.bitwise_count(bits & ~(bits >> 1 | (bits & 1) << TRANSFER_IDS - 1))
-    kinds[few[(np.bitwise_count(bits) == (last - first)[few]) & (breaks <= 1)]] = _ONCE
-    return kinds
-
-
-def _before(ranked: Array, group: Array, places: Array) -> tuple[Array, Array]:
-    """Return where those of a group begin and end that are of the `LOOK` frames before a place."""
-    first = np.searchsorted(ranked, group | np.maximum(places - LOOK, 0))
-    return first, np.searchsorted(ranked, group | places)
