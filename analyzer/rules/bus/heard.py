@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
+_AT_ONCE = 256  # times that are compared with them together
 
 
 class SessionBegins(NamedTuple):
@@ -60,10 +61,29 @@ class HeardNode:
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
+        begins, ends = self._both
+        return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
+
+    def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return when the longest gap between each two times begins and ends, the second time where there is none."""
+        begins, ends = self._both
+        if not len(begins):
+            return stop, stop
+        found = stop.copy(), stop.copy()
+        for at in range(0, len(start), _AT_ONCE):
+            low, high = start[at : at + _AT_ONCE, None], stop[at : at + _AT_ONCE, None]
+            size = np.where((begins >= low) & (ends <= high), ends - begins, -1)
+            which = size.argmax(axis=1)
+            known = np.flatnonzero(size[np.arange(len(which)), which] >= 0)
+            found[0][at + known], found[1][at + known] = begins[which[known]], ends[which[known]]
+        return found
+
+    @property
+    def _both(self) -> tuple[Array, Array]:
+        """When gaps begin, and when they end."""
         if self._times is None:
             self._times = np.array([gap[:2] for gap in self.gaps], np.int64).reshape(-1, 2)
-        begins, ends = self._times.T
-        return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
+        return self._times[:, 0], self._times[:, 1]
 
 
 @dataclass(slots=True, eq=False)
@@ -94,6 +114,11 @@ class HeardNodes:
         """Return when a node was not heard between two times."""
         heard = self._nodes.get((bus, node))
         return [] if heard is None else heard.between(start, stop)
+
+    def longest(self, bus: int, node: int, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return the longest times between two others in which a node was not heard, as they begin and end."""
+        heard = self._nodes.get((bus, node))
+        return (stop, stop) if heard is None else heard.longest(start, stop)
 
     def silent(self, bus: int, node: int, t: int, end: int) -> bool:
         """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
