@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _MOST_GAPS = 256  # of a node, the latest
 _NODE_BITS, _NODE = 7, 0x7F  # below the bus
+_AT_ONCE = 256  # times that are compared with them together
 
 
 class SessionBegins(NamedTuple):
@@ -68,6 +69,20 @@ class HeardNode:
         some = gaps[(gaps[:, 0] >= start) & (gaps[:, 1] <= stop)].tolist()
         return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in some]
 
+    def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return when the longest gap between each two times begins and ends, the second time where there is none."""
+        begins, ends = self._gaps[:, 0], self._gaps[:, 1]
+        if not len(begins):
+            return stop, stop
+        found = stop.copy(), stop.copy()
+        for at in range(0, len(start), _AT_ONCE):
+            low, high = start[at : at + _AT_ONCE, None], stop[at : at + _AT_ONCE, None]
+            size = np.where((begins >= low) & (ends <= high), ends - begins, -1)
+            which = size.argmax(axis=1)
+            known = np.flatnonzero(size[np.arange(len(which)), which] >= 0)
+            found[0][at + known], found[1][at + known] = begins[which[known]], ends[which[known]]
+        return found
+
     def silent(self, t: Array) -> Array:
         """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
         found = np.zeros(len(t), bool)
@@ -95,6 +110,11 @@ class HeardNodes:
         """Return when a node was not heard between two times."""
         heard = self._nodes.get((bus, node))
         return [] if heard is None else heard.between(start, stop)
+
+    def longest(self, bus: int, node: int, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return the longest times between two others in which a node was not heard, as they begin and end."""
+        heard = self._nodes.get((bus, node))
+        return (stop, stop) if heard is None else heard.longest(start, stop)
 
     def all_silent(self, bus: Array, node: Array, t: Array, end: int) -> Array:
         """Return which nodes that were heard lie in a gap at a time; `end` is the last time so far."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
-from analyzer.rules.bus.heard import Gap, HeardNodes
+from analyzer.rules.bus.heard import HeardNodes
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, all_resumed, groups, resumptions
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 OFFLINE = 3 * SECOND  # after which others take a node as offline
 _NODES = 128
+_THEN = ("node still sends", "then the node was silent")
 
 
 class StatusSilences(Rule):
@@ -66,10 +67,11 @@ class StatusSilences(Rule):
                 sent = np.searchsorted(own, rows[late])
                 active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
                 start, owes = self._owes(view, node, before_each[late], active)
-                columns = (late, start, active, t.t[rows[late]])
-                for at, *times in zip(*(column[owes].tolist() for column in columns), strict=True):
+                late = late[owes]
+                for k, silence in self._silences(view, node, start[owes], active[owes], t.t[rows[late]]):
+                    at = late.item(k)
                     last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
-                    yield from self._silence(view, last, node, *times)
+                    yield replace(last, **silence)
             self._status[node] = _place(view, int(rows[-1]), NODE_STATUS)
 
     def finish(self, view: View) -> Iterator[Occurrence]:
@@ -79,11 +81,11 @@ class StatusSilences(Rule):
             if node in self._status:
                 last = self._status[node]
                 start, late = self._owes(view, node, np.array([last.t]), np.array([active]))
-                if late[0]:
-                    yield from self._silence(view, last, node, start.item(0), active, view.before)
+                for _, silence in self._silences(view, node, start[late], np.array([active])[late], view.before):
+                    yield replace(last, **silence)
             elif active - first.t > OFFLINE:
-                owes = (first.t, active)
-                values = {"seconds": (active - first.t) / SECOND, "then": self._then(view, node, owes, view.before)}
+                silent = self._then_silent(view, node, (np.array([first.t]), np.array([active])), view.before)
+                values = {"seconds": (active - first.t) / SECOND, "then": _THEN[silent.item(0)]}
                 yield replace(first, values=values, severity="note")
 
     def _wake(self, view: View, code: Array) -> None:
@@ -97,22 +99,26 @@ class StatusSilences(Rule):
             rows = rows[self._woke[code[rows]] < begin][::-1]
             self._woke[code[rows]] = t[rows]
 
-    def _silence(
-        self, view: View, last: Occurrence, node: int, start: int, active: int, end: int
-    ) -> Iterator[Occurrence]:
-        """Yield what a node owes that was active from a time to another one, and whose next NodeStatus is at `end`.
+    def _silences(
+        self, view: View, node: int, start: Array, active: Array, end: Array | int
+    ) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield which of some silences a node owes, and what is said of them.
 
-        Gaps blame nobody, and a node that was silent for most of the time owes nothing for that.
+        It was active from times to other ones, and its next NodeStatus are at `end`. Gaps blame nobody, and a node that
+        was silent for most of the time owes nothing for that.
         """
-        least = view.number("BUS-020", "late_s") * SECOND
-        most = self._gap(node, start, active)
-        if 2 * (most.stop - most.start) > active - start:
-            start, active = max((start, most.start), (most.stop, active), key=lambda part: part[1] - part[0])
-        silence = active - start
-        if silence > least:
-            values = {"seconds": silence / SECOND, "then": self._then(view, node, (start, active), end)}
-            severity: Severity | None = None if silence > OFFLINE else "note"
-            yield replace(last, values=values, severity=severity, drops=True, until=min(active, start + OFFLINE))
+        begin, stop = self._longest(node, start, active)
+        mostly = 2 * (stop - begin) > active - start
+        before = begin - start >= active - stop
+        start, active = np.where(mostly & ~before, stop, start), np.where(mostly & before, begin, active)
+        owed = np.flatnonzero(active - start > view.number("BUS-020", "late_s") * SECOND)
+        start, active, end = start[owed], active[owed], np.broadcast_to(end, mostly.shape)[owed]
+        then = self._then_silent(view, node, (start, active), end)
+        for k, since, until, silent in zip(*(column.tolist() for column in (owed, start, active, then)), strict=True):
+            severity: Severity | None = None if until - since > OFFLINE else "note"
+            values = {"seconds": (until - since) / SECOND, "then": _THEN[silent]}
+            told = {"values": values, "severity": severity, "drops": True, "until": min(until, since + OFFLINE)}
+            yield k, told
 
     def _owes(self, view: View, node: int, since: Array, active: Array) -> tuple[Array, Array]:
         """Return since when a node could have reported again, and whether it was active too long after that.
@@ -123,16 +129,15 @@ class StatusSilences(Rule):
         start = np.maximum(since, np.where(woke <= active, woke, all_resumed(view, active)))
         return start, (active != NO_TIME) & (active - start > view.number("BUS-020", "late_s") * SECOND)
 
-    def _gap(self, node: int, start: int, stop: int) -> Gap:
-        """Return the longest time between two others in which a node was silent."""
-        gaps = [] if self._nodes is None else self._nodes.gaps(*divmod(node, _NODES), start, stop)
-        return max(gaps, key=lambda gap: gap.stop - gap.start, default=Gap(stop, stop, -1))
+    def _longest(self, node: int, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return the longest times between two others in which a node was silent."""
+        return (stop, stop) if self._nodes is None else self._nodes.longest(*divmod(node, _NODES), start, stop)
 
-    def _then(self, view: View, node: int, active: tuple[int, int], end: int) -> str:
-        """Say whether a node was silent after that, longer than while it was active."""
-        most = self._gap(node, *active)
-        silent = end - active[1] > max(view.number("BUS-020", "late_s") * SECOND, most.stop - most.start)
-        return "then the node was silent" if silent else "node still sends"
+    def _then_silent(self, view: View, node: int, active: tuple[Array, Array], end: Array | int) -> Array:
+        """Return whether a node was silent after that, longer than while it was active."""
+        begin, stop = self._longest(node, *active)
+        silent: Array = end - active[1] > np.maximum(view.number("BUS-020", "late_s") * SECOND, stop - begin)
+        return silent
 
 
 def _place(view: View, row: int, name: str) -> Occurrence:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from array import array
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,21 @@ _MOST = 1024  # stretches of a node
 _Node = tuple[int, int]
 
 
+class _Stretches(NamedTuple):
+    """When stretches of a node begin and end, in ns."""
+
+    since: array[int]
+    until: array[int]
+
+    def add(self, since: int, until: int) -> None:
+        """Add one; the two oldest become one where they are too many."""
+        self.since.append(since)
+        self.until.append(until)
+        if len(self.since) > _MOST:
+            self.since[:2] = array("q", [min(self.since[:2])])
+            self.until[:2] = array("q", [max(self.until[:2])])
+
+
 class MalformedReports:
     """ESCStatus of each node that cannot be read, in stretches, and transfer IDs that were left out.
 
@@ -29,7 +45,7 @@ class MalformedReports:
     """
 
     def __init__(self) -> None:
-        self._stretches: dict[_Node, list[tuple[int, int]]] = {}
+        self._stretches: dict[_Node, _Stretches] = {}
         self._lost: dict[_Node, int] = {}
         self._steps: dict[_Node, list[tuple[int, int]]] = {}  # rows of this batch, and how many were lost
 
@@ -62,7 +78,8 @@ class MalformedReports:
     def between(self, unit: ReportingEsc, start: int, stop: int) -> list[tuple[int, int]]:
         """Return the times from one to another without such reports."""
         begin, found = start, []
-        for first, last in sorted(self._stretches.get((unit.bus, unit.node), ())):
+        known = self._stretches.get((unit.bus, unit.node))
+        for first, last in () if known is None else sorted(zip(known.since, known.until, strict=True)):
             if last > begin and first < stop:
                 found.append((begin, max(first, begin)))
                 begin = last
@@ -89,17 +106,15 @@ class MalformedReports:
     def _note(self, node: _Node, times: Iterator[tuple[int, ...]], least: int) -> None:
         if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
             return
-        known = self._stretches.setdefault(node, [])
-        since, until = known.pop() if known else next(times)
+        known = self._stretches.setdefault(node, _Stretches(array("q"), array("q")))
+        since, until = (known.since.pop(), known.until.pop()) if known.since else next(times)
         for first, last in times:
             if since <= first <= until + least:
                 until = max(until, last)
                 continue
-            known.append((since, until))
+            known.add(since, until)
             since, until = first, last
-            if len(known) >= _MOST:
-                known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
-        known.append((since, until))
+        known.add(since, until)
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:

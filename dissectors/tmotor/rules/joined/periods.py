@@ -17,7 +17,8 @@ class PeriodHistogram:
     _HIGH = int(np.float32(1e11).view(np.int32)) >> 13
 
     def __init__(self) -> None:
-        self._bins = np.zeros(self._HIGH - self._LOW + 1, np.uint32)  # a device has one: half as many bytes
+        # Bins that are not empty, in order, and how many times each has: a device has one, and few bins.
+        self._bins, self._times = np.empty(0, np.int32), np.empty(0, np.uint32)
         self.count = 0
 
     def feed(self, periods: Array) -> None:
@@ -25,14 +26,19 @@ class PeriodHistogram:
         periods = periods[periods > 0]
         if not len(periods):
             return
-        code = (periods.astype(np.float32).view(np.int32) >> 13).clip(self._LOW, self._HIGH) - self._LOW
+        code = (periods.astype(np.float32).view(np.int32) >> 13).clip(self._LOW, self._HIGH)
         low = int(code.min())
-        counted = np.bincount(code - low)
-        self._bins[low : low + len(counted)] += counted.astype(np.uint32)
+        counted = np.bincount(code - low).astype(np.uint32)
+        new = np.flatnonzero(counted).astype(np.int32)
+        bins = np.union1d(self._bins, new + low)
+        times = np.zeros(len(bins), np.uint32)
+        times[np.searchsorted(bins, self._bins)] = self._times
+        times[np.searchsorted(bins, new + low)] += counted[new]
+        self._bins, self._times = bins, times
         self.count += len(periods)
 
     def below(self, share: float) -> float:
         """Return the time that this share of them does not exceed."""
-        at = int(np.searchsorted(np.cumsum(self._bins), share * self.count))
-        low, high = (np.array([self._LOW + at + k << 13], np.int32).view(np.float32)[0] for k in (0, 1))
+        at = self._bins.item(np.searchsorted(np.cumsum(self._times), share * self.count))
+        low, high = (np.array([at + k << 13], np.int32).view(np.float32)[0] for k in (0, 1))
         return float(low + high) / 2

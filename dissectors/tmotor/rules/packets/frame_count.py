@@ -136,6 +136,8 @@ class FrameCounts(Rule):
         if sender.chosen is None and not hit.alike:
             sender.vote(hit)
         readings = range(len(READINGS)) if sender.chosen is None else (sender.chosen,)
+        if sender.chosen is None and hit.alike and self._lost(view, hit, past[1]):
+            return  # what explains it since the latest packet of all does so since an earlier one
         doubts = {reading: doubt for reading in readings if (doubt := self._doubt(view, hit, reading, past))}
         if doubts:
             self._held.append(_Held(int(hit.table.t[hit.row]), name, node, doubts, hit.alike))
@@ -159,6 +161,13 @@ class FrameCounts(Rule):
 
     def _explained(self, held: _Held, doubt: _Doubt) -> bool:
         return self._losses.explain(held.carrier, held.node, doubt.between, doubt.missing)
+
+    def _lost(self, view: View, hit: Hit, known: KnownLosses) -> bool:
+        """Return whether losses since the latest packet of its sender explain a hit that all readings see alike."""
+        name, node, step = carrier(hit.table), hit.key >> 8, hit.steps[BY_UNIT]
+        _, lead = known.before(known.names(name), node, hit.place)
+        between = lead, view.transfers.lead.item(int(hit.table.row[hit.row]))
+        return step is not None and self._losses.explain(name, node, between, (step - 1) % 256)
 
     def _doubt(self, view: View, hit: Hit, reading: int, past: list[KnownLosses]) -> _Doubt | None:
         table, row, step, t = hit.table, hit.row, hit.steps[reading], view.transfers

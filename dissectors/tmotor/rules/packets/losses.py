@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, Latest, sender
+from dissectors.kit import NO_TIME, Latest, groups
 from dissectors.tmotor.rules.packets.carried import HEADERS, TYPE_IDS, UNRECOGNIZED, place
 
 if TYPE_CHECKING:
@@ -18,7 +19,20 @@ if TYPE_CHECKING:
 _MOST_LOSSES = 1024  # remembered of a session; 256 before a packet are all that its count can tell
 _MOST_GAPS = 256
 _BROKEN = -1
-_BEHIND = 1 << 62  # more than any transfer can lose
+_NAMES = ("PUSHSCI", "PUSHCAN")
+
+
+class _Losses(NamedTuple):
+    """First frames of transfers of a session, in order, and how many were lost before each."""
+
+    lead: array[int]
+    lost: array[int]
+
+    def add(self, lead: Array, lost: Array) -> None:
+        """Add some."""
+        leads, counts = np.append(self.lead, lead), np.append(self.lost, lost)
+        order = np.argsort(leads, kind="stable")
+        self.lead[:], self.lost[:] = (array("q", column[order].tobytes()) for column in (leads, counts))
 
 
 class TransferLosses:
@@ -29,47 +43,41 @@ class TransferLosses:
     """
 
     def __init__(self) -> None:
-        self._lost: dict[tuple[str, int], list[tuple[int, int]]] = {}
+        self._lost: dict[tuple[str, int], _Losses] = {}
 
     def feed(self, view: View) -> None:
         """Add what a batch lost: transfer IDs left out, damaged transfers, and packets that cannot be read."""
-        found: list[tuple[str, int, int, int]] = []
         t = view.transfers
         rows = np.flatnonzero((t.type_id | 1) == TYPE_IDS["PUSHCAN"])  # the other one is 1 below
-        if rows.size:
-            gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
-            broken = t.status[rows] != 0
-            for k in np.flatnonzero((t.kind[rows] == 0) & ((gone > 0) | broken)).tolist():
-                row = int(rows[k])
-                name = "PUSHCAN" if t.type_id[row] == TYPE_IDS["PUSHCAN"] else "PUSHSCI"
-                node = int(t.bus[row]) << 7 | int(t.src[row])
-                if gone[k] > 0:
-                    found.append((name, node, row, int(gone[k])))
-                if broken[k]:
-                    found.append((name, node, row, _BROKEN))
+        rows = rows[t.kind[rows] == 0]
+        gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
+        broken = rows[t.status[rows] != 0]
+        found = [(rows[gone > 0], gone[gone > 0]), (broken, np.full(len(broken), _BROKEN))]
         for name in HEADERS:
             rest = view.table(f"{name}.{UNRECOGNIZED}")
             if rest is not None:
-                unread = rest.row.tolist()
-                found += [(name, node, row, 1) for node, row in zip(sender(rest).tolist(), unread, strict=True)]
-        for name, node, row, lost in found:
-            self._lost.setdefault((name, node), []).append((t.lead.item(row), lost))
-        for session in {(name, node) for name, node, _, _ in found}:
-            self._lost[session].sort()
+                found.append((rest.row, np.ones(len(rest.row), np.int64)))
+        rows, lost = (np.concatenate(columns) for columns in zip(*found, strict=True))
+        session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
+        for key, mine in groups(session):
+            known = self._lost.setdefault((_NAMES[key & 1], key >> 1), _Losses(array("q"), array("q")))
+            known.add(t.lead[rows[mine]], lost[mine])
 
     def forget(self) -> None:
         """Leave out what is older than any packet that is still to be judged."""
         for losses in self._lost.values():
-            del losses[:-_MOST_LOSSES]
+            del losses.lead[:-_MOST_LOSSES], losses.lost[:-_MOST_LOSSES]
 
     def explain(self, name: str, node: int, between: tuple[int, int], missing: int) -> bool:
         """Return whether so many packets may have been lost after the first of two transfers, up to the second.
 
         Both are given by their first frames.
         """
-        losses = self._lost.get((name, node), [])
-        low, high = (bisect_right(losses, (number, _BEHIND)) for number in between)
-        lost = [count for _, count in losses[low:high]]
+        losses = self._lost.get((name, node))
+        if losses is None:
+            return False
+        low, high = (bisect_right(losses.lead, number) for number in between)
+        lost = losses.lost[low:high]
         return _BROKEN in lost or 0 < missing <= sum(lost)
 
 
