@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.tables import KINDS, TRANSFER_IDS
-from dissectors.kit import by_key
 from dissectors.kit.cells import numbers
 from dissectors.times import NO_TIME, SECOND
 
@@ -55,14 +55,16 @@ class CommonCounters:
         followed = np.zeros(1 << 16, bool)
         followed[list(self._followed)] = True
         rows = np.flatnonzero((kind == _MESSAGE) & followed[node])
-        rows = rows[np.argsort(numbers(transfers.column("t"))[rows], kind="stable")]  # IDs are given at the start
+        t = numbers(transfers.column("t"))[rows]  # IDs are given at the start
+        if (t[1:] < t[:-1]).any():
+            rows = rows[np.argsort(t, kind="stable")]
         since = np.full(len(node), -1)
         if not len(rows):
             return np.full(len(gaps), TRANSFER_IDS)
         missing = np.zeros(len(node), np.int64)
         missing[rows] = self._missing(node[rows], numbers(transfers.column("transfer_id"))[rows].astype(np.int64))
         of = sessions(transfers, rows)
-        order, begins = by_key(of)
+        order, begins = grouped(of)
         ordered = rows[order]
         since[ordered[1:]] = missing[ordered[1:]] - missing[ordered[:-1]]
         for one, row in zip(of[order[begins]].tolist(), ordered[begins].tolist(), strict=True):
@@ -76,7 +78,7 @@ class CommonCounters:
 
     def _missing(self, node: Array, ids: Array) -> Array:
         """Return how many IDs nodes have left out up to each message."""
-        order, begins = by_key(node)
+        order, begins = grouped(node)
         ends = np.append(begins[1:], len(node))
         steps = np.zeros(len(node), np.int64)
         steps[1:] = (np.diff(ids[order]) - 1) % TRANSFER_IDS

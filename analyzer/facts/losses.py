@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.facts.counters import MOST_SESSIONS, CommonCounters, Node, ZeroedCounters, sessions
-from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS, distinct
-from dissectors.kit import by_key
+from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS
 from dissectors.kit.cells import numbers, valid
 from dissectors.times import NO_TIME
 
@@ -63,14 +63,16 @@ class LostTransfers:
         common = self._common_of.between(transfers, rows)
         first = self._first_of(of)
         fewer = np.where((common < missing) & ~first, common, 0)
-        for code in distinct(node := bus << 8 | src):
-            at, mine = (code >> 8, code & 0xFF), node == code
-            self._lost[at] += int(missing[~to_zero & mine].sum())
-            self._common[at] += int(fewer[mine].sum())
-            self._by_both[at] += int(np.minimum(common, missing)[mine].sum())
-            self._gaps[at] += int(mine.sum())
-            self._returns[at] += int(returns[mine].sum())
-            self._types[at] += int(first[mine].sum())
+        order, begins = grouped(node := bus << 8 | src)
+        counts = (
+            (self._lost, np.where(to_zero, 0, missing)), (self._common, fewer),
+            (self._by_both, np.minimum(common, missing)), (self._gaps, np.ones_like(node)),
+            (self._returns, returns), (self._types, first),
+        )  # fmt: skip
+        nodes = [(code >> 8, code & 0xFF) for code in node[order[begins]].tolist()]
+        for kept, much in counts:
+            for at, count in zip(nodes, np.add.reduceat(much[order], begins, dtype=np.int64).tolist(), strict=True):
+                kept[at] += count
         asked = np.isin(of, of[to_zero]) | self._zeroed.follows(of)
         self._zero(transfers, *(some[asked] for some in (rows, of, np.where(to_zero, missing, -1))))
 
@@ -88,7 +90,7 @@ class LostTransfers:
 
         Of these only the first one after a fall ends what it began.
         """
-        order, begins = by_key(of)
+        order, begins = grouped(of)
         falls = missing[order] >= 0
         telling = falls.copy()
         telling[1:] |= falls[:-1]
@@ -125,7 +127,7 @@ class LostTransfers:
         bus, src, dst, kind, type_id, now = (numbers(transfers.column(n))[rows].astype(np.int64) for n in names)
         session = (bus << 16 | src << 8 | dst & 0xFF) << 24 | kind << 16 | type_id
         before = (now - step) % TRANSFER_IDS
-        order, begins = by_key(session)
+        order, begins = grouped(session)
         past = np.full(len(rows), -1)
         past[order[1:]] = before[order[:-1]]
         firsts, lasts = order[begins], order[np.append(begins[1:], len(order)) - 1]

@@ -222,7 +222,7 @@ class Summary:
         for code in distinct((node << 32 | channels & 0xFFFF_FFFF)[good]):
             talk = self._talks.all.get((code >> 40, code >> 32 & 0xFF, sent))
             if talk is not None and len(talk.channels) < MOST_CHANNELS:
-                talk.channels.add(code & 0xFFFF_FFFF)
+                talk.channels |= {code & 0xFFFF_FFFF}
 
     def _bus_facts(self, *, timed: bool) -> Iterator[BusFacts]:
         for index, bus in sorted(self._buses.items()):

@@ -11,7 +11,7 @@ import numpy as np
 from analyzer.decode.grouped import grouped
 from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted
 from dissectors.kit.cells import numbers, valid
-from dissectors.records import dataclass, field
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class Talk:
     bad: int = 0
     first: int | None = None
     last: int | None = None
-    channels: set[int] = field(default_factory=set)
+    channels: frozenset[int] = frozenset()
 
     @property
     def hz(self) -> float | None:

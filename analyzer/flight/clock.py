@@ -135,12 +135,17 @@ class RowPlaces:
     def spots(self, rows: Array) -> list[Spot]:
         """Return those at some places."""
         places = rows if self._rows is None else self._rows[rows]
-        return list(map(Spot._make, zip(*(column[places].tolist() for column in self._columns), strict=True)))
+        t, ran, *others = self._columns
+        times = t[places].tolist()  # the same numbers twice, as long as nothing was left out of the recording
+        columns = times, times if ran is t else ran[places].tolist(), *(one[places].tolist() for one in others)
+        return list(map(Spot._make, zip(*columns, strict=True)))
 
     def _spot(self, row: int) -> Spot:
         place = row if self._rows is None else self._rows.item(row)
         t, ran, frame, frame_end, step = self._columns
-        return Spot(t.item(place), ran.item(place), frame.item(place), frame_end.item(place), step.item(place))
+        now, first, last = t.item(place), frame.item(place), frame_end.item(place)
+        last = first if last == first else last
+        return Spot(now, now if ran is t else ran.item(place), first, last, step.item(place))
 
     def _column(self, number: int) -> Array:
         if self._rows is None:
