@@ -8,7 +8,8 @@ const SESSIONS: usize = 1 << 12;
 /// Frames of a session that are remembered, the latest: those of two seconds and more.
 const FRAMES: usize = 256;
 const NO_TIME: i64 = i64::MIN;
-const ID: u8 = 31;
+const ID_BITS: u32 = 5;
+const ID: u8 = (1 << ID_BITS) - 1;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
@@ -19,8 +20,26 @@ pub struct Frame {
 
 #[derive(Clone, Debug)]
 struct Session {
-    frames: VecDeque<Frame>,
+    frames: VecDeque<Kept>,
     newest: i64,
+}
+
+/// A frame in two thirds of the room: its time, and its transfer ID below its number.
+#[derive(Clone, Copy, Debug)]
+struct Kept(i64, i64);
+
+impl Kept {
+    fn of(frame: Frame) -> Self {
+        Kept(frame.t, frame.number << ID_BITS | i64::from(frame.id & ID))
+    }
+
+    fn frame(self) -> Frame {
+        Frame {
+            number: self.1 >> ID_BITS,
+            t: self.0,
+            id: self.1 as u8 & ID,
+        }
+    }
 }
 
 /// A stretch of a session: since a time, frames of these numbers.
@@ -50,14 +69,15 @@ impl Orphans {
         if known.frames.len() == FRAMES {
             known.frames.pop_front();
         }
-        known.frames.push_back(frame);
+        known.frames.push_back(Kept::of(frame));
     }
 
     fn ids<'s>(&'s self, stretch: &'s Stretch) -> impl Iterator<Item = u8> + 's {
         let known = self.sessions.get(&stretch.session);
         let recent = known.filter(|known| stretch.since != NO_TIME && known.newest >= stretch.since);
         let frames = recent.into_iter().flat_map(|known| known.frames.iter().rev());
-        let inside = |frame: &&Frame| frame.t >= stretch.since && stretch.numbers.contains(&frame.number);
+        let frames = frames.map(|kept| kept.frame());
+        let inside = |frame: &Frame| frame.t >= stretch.since && stretch.numbers.contains(&frame.number);
         frames.filter(inside).map(|frame| frame.id)
     }
 

@@ -37,10 +37,11 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Everything since the last call. Record numbers and bus indexes go on.
+    /// Everything since the last call. Record numbers and bus indexes go on, and there is room for as many frames.
     pub fn take(&mut self) -> FrameBatch {
         self.before += self.batch.counts.lines;
         let next = FrameBatch {
+            frames: self.batch.frames.like(),
             buses: self.batch.buses.clone(),
             ..FrameBatch::default()
         };
