@@ -288,7 +288,7 @@ impl Calls {
 mod tests {
     use super::*;
 
-    const LINK: i64 = 5 << 16 | 10 << 8 | 11;
+    const LINK: i64 = 5 << 16 | 0x0A << 8 | 0x0B;
 
     fn calls() -> Calls {
         let limits = Limits {
