@@ -29,7 +29,7 @@ class LooseFrames(NamedTuple):
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `lines` are those of a frame that may be gone when they are needed, else None.
+    data. `lines` are kept of frames that may be gone when they are needed, else they are empty.
     """
 
     number: Array
@@ -56,7 +56,7 @@ class LooseFrames(NamedTuple):
         id_, flags, verdict = f.id[rows], f.flags[rows], f.verdict[rows]
         sender = who(id_, flags, np.where(verdict == _FOREIGN, _USED, verdict))
         cells = rows + f.first, session, f.t[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
-        return cls._of((*cells, np.full(len(rows), None)))
+        return cls._of((*cells, np.full(len(rows), "", object)))
 
     @classmethod
     def of_kept(cls, found: Iterable[tuple[int, int, Kept, int, int]]) -> LooseFrames:
@@ -66,7 +66,7 @@ class LooseFrames(NamedTuple):
             for number, session, kept, *who in found
         ]
         columns = np.array(rows, np.int64).reshape(-1, len(cls._fields) - 1).T
-        return cls._of((*columns, np.full(len(rows), None)))
+        return cls._of((*columns, np.full(len(rows), "", object)))
 
     @classmethod
     def _of(cls, columns: Iterable[Array]) -> LooseFrames:
@@ -94,8 +94,7 @@ class LooseFrames(NamedTuple):
     def keep_lines(self, view: View, end: int) -> None:
         """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
         rows = np.flatnonzero(~self.lines.astype(bool) & (self.number < end))
-        for k, line in zip(rows.tolist(), view.each_line(self.number[rows]).tolist(), strict=True):
-            self.lines[k] = (line,) if line else ()
+        self.lines[rows] = view.each_line(self.number[rows])
 
     @property
     def senders(self) -> Array:
@@ -124,5 +123,5 @@ class LooseFrames(NamedTuple):
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=node, type=code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=lines.item if all(lines.tolist()) else None,
+            lines=(lambda k: (lines[k],)) if all(lines.tolist()) else None,
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import chain
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -68,15 +68,11 @@ class _Remainders(NamedTuple):
     def lines(self, view: View, rows: Array) -> list[tuple[str, ...]]:
         """Return the lines of some."""
         offsets, places = picked(self.offsets, rows)
-        lines, new = self.frames.lines[places], np.flatnonzero(~self.frames.lines[places].astype(bool))
-        each = view.each_line(self.frames.number[places[new]]).tolist()
-        for k, line in zip(new.tolist(), each, strict=True):
-            lines[k] = (line,) if line else ()
-        if len(places) == len(rows):  # as nearly always
-            found: list[tuple[str, ...]] = lines.tolist()
-            return found
-        spans = zip(offsets[:-1].tolist(), offsets[1:].tolist(), strict=True)
-        return [tuple(chain.from_iterable(lines[low:high])) for low, high in spans]
+        kept = self.frames.lines[places]
+        new = np.flatnonzero(~kept.astype(bool))
+        kept[new] = view.each_line(self.frames.number[places[new]])
+        every = kept.tolist()
+        return [tuple(filter(None, every[low:high])) for low, high in pairwise(offsets.tolist())]
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""

@@ -62,7 +62,7 @@ impl Budget {
 
 /// A cause, and of how many transfers of a shape it was; None counts all shapes.
 #[derive(Clone, Copy, Debug)]
-struct Count {
+struct Found {
     shape: Option<i64>,
     cause: u32,
     count: u32,
@@ -71,7 +71,7 @@ struct Count {
 /// The causes that were found for each sender, by the shape of its transfers.
 #[derive(Clone, Debug)]
 pub struct Causes {
-    known: HashMap<i64, Vec<Count>>,
+    known: HashMap<i64, Vec<Found>>,
     senders: usize,
     shapes: usize,
 }
@@ -98,26 +98,26 @@ impl Causes {
         }
     }
 
-    /// The cause of at least so much of all that had this shape, or else of all of its sender.
-    pub fn like(&self, sender: i64, shape: i64, share: f64) -> Option<u32> {
+    /// The cause of at least such a part of all that had this shape, or else of all of its sender.
+    pub fn like(&self, sender: i64, shape: i64, part: f64) -> Option<u32> {
         let counts = self.known.get(&sender)?;
         let of = Some(shape).filter(|_| counts.iter().any(|one| one.shape == Some(shape)));
         let own = || counts.iter().filter(|one| one.shape == of);
         let all: f64 = own().map(|one| f64::from(one.count)).sum();
         let most = own().max_by_key(|one| one.count)?;
-        (f64::from(most.count) >= share * all).then_some(most.cause)
+        (f64::from(most.count) >= part * all).then_some(most.cause)
     }
 }
 
-fn add(counts: &mut Vec<Count>, shape: Option<i64>, cause: u32) {
+fn add(counts: &mut Vec<Found>, shape: Option<i64>, cause: u32) {
     match counts.iter_mut().find(|one| (one.shape, one.cause) == (shape, cause)) {
         Some(one) => one.count = one.count.saturating_add(1),
-        None => counts.push(Count { shape, cause, count: 1 }),
+        None => counts.push(Found { shape, cause, count: 1 }),
     }
 }
 
 /// How many shapes are kept apart.
-fn apart(counts: &[Count]) -> usize {
+fn apart(counts: &[Found]) -> usize {
     let mut shapes: Vec<Option<i64>> = counts.iter().map(|one| one.shape).collect();
     shapes.sort_unstable();
     shapes.dedup();
