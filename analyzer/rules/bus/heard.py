@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -45,28 +44,44 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    gaps: list[tuple[int, int, int, tuple[str, ...]]] = field(default_factory=list)  # as `Gap` has it
-    _times: Array | None = None  # of the gaps, once somebody asks
+    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap.
+    _gaps: Array = field(default_factory=lambda: np.empty((3, 0), np.int64))
+    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
 
-    def add(self, gaps: Iterable[tuple[int, int, int, tuple[str, ...]]]) -> None:
-        """Note more gaps."""
-        self.gaps.extend(gaps)
-        self._times = None
+    @property
+    def begins(self) -> Array:
+        """When gaps begin."""
+        found: Array = self._gaps[0]
+        return found
 
-    def forget(self, most: int) -> None:
-        """Keep that many gaps at most, the latest."""
-        if len(self.gaps) > most:
-            del self.gaps[:-most]
-            self._times = None
+    @property
+    def ends(self) -> Array:
+        """When gaps end."""
+        found: Array = self._gaps[1]
+        return found
+
+    def add(self, gaps: Array) -> None:
+        """Note more gaps; the oldest ones are forgotten."""
+        known = np.concatenate((self._gaps, gaps), axis=1)
+        self._gaps = known if known.shape[1] <= _MOST_GAPS else known[:, -_MOST_GAPS:].copy()
+        if self._lines:
+            oldest = self._gaps[2, 0]
+            self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
+
+    def pause(self, until: int) -> None:
+        """Note a gap from its last frame on."""
+        self.add(np.array([[self.t], [until], [self.number]], np.int64))
+        if self.lines:
+            self._lines[self.number] = self.lines
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        begins, ends = self._both
-        return [Gap._make(self.gaps[k]) for k in ((begins >= start) & (ends <= stop)).nonzero()[0].tolist()]
+        inside = self._gaps[:, (self.begins >= start) & (self.ends <= stop)].T.tolist()
+        return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in inside]
 
     def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return when the longest gap between each two times begins and ends, the second time where there is none."""
-        begins, ends = self._both
+        begins, ends = self.begins, self.ends
         if not len(begins):
             return stop, stop
         found = stop.copy(), stop.copy()
@@ -77,13 +92,6 @@ class HeardNode:
             known = np.flatnonzero(size[np.arange(len(which)), which] >= 0)
             found[0][at + known], found[1][at + known] = begins[which[known]], ends[which[known]]
         return found
-
-    @property
-    def _both(self) -> tuple[Array, Array]:
-        """When gaps begin, and when they end."""
-        if self._times is None:
-            self._times = np.array([gap[:2] for gap in self.gaps], np.int64).reshape(-1, 2)
-        return self._times[:, 0], self._times[:, 1]
 
 
 @dataclass(slots=True, eq=False)
@@ -126,7 +134,7 @@ class HeardNodes:
         if heard is None:
             return False
         last = heard.t <= t and end - heard.t > self._least
-        return last or any(gap[0] <= t < gap[1] for gap in heard.gaps)
+        return last or bool(len(heard.begins) and ((heard.begins <= t) & (t < heard.ends)).any())
 
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""
@@ -141,11 +149,10 @@ class HeardNodes:
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
-                heard.add((Gap(heard.t, t, heard.number, heard.lines),))
+                heard.pause(t)
             if k in gaps:
-                heard.add(zip(*(column.tolist() for column in gaps[k]), repeat(())))
+                heard.add(np.stack(gaps[k]))
             heard.t, heard.number, heard.lines = until, start + last, ()
-            heard.forget(_MOST_GAPS)
 
 
 class HeardSessions:
