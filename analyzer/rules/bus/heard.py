@@ -47,31 +47,44 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    _gaps: Array = field(default_factory=lambda: np.empty((0, 3), np.int64))  # start, stop and number, a row each
-    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of gaps that have some, by number
+    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap.
+    _gaps: Array = field(default_factory=lambda: np.empty((3, 0), np.int64))
+    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
+
+    @property
+    def begins(self) -> Array:
+        """When gaps begin."""
+        found: Array = self._gaps[0]
+        return found
+
+    @property
+    def ends(self) -> Array:
+        """When gaps end."""
+        found: Array = self._gaps[1]
+        return found
 
     def add(self, gaps: Array) -> None:
-        """Note more gaps: start, stop and number, a row each. The latest ones are kept."""
-        self._gaps = np.concatenate((self._gaps, gaps))[-_MOST_GAPS:]
+        """Note more gaps; the oldest ones are forgotten."""
+        known = np.concatenate((self._gaps, gaps), axis=1)
+        self._gaps = known if known.shape[1] <= _MOST_GAPS else known[:, -_MOST_GAPS:].copy()
         if self._lines:
-            first = self._gaps[0, 2]
-            self._lines = {number: lines for number, lines in self._lines.items() if number >= first}
+            oldest = self._gaps[2, 0]
+            self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
-    def close(self, stop: int) -> None:
-        """Note that it was not heard from its last frame on."""
+    def pause(self, until: int) -> None:
+        """Note a gap from its last frame on."""
+        self.add(np.array([[self.t], [until], [self.number]], np.int64))
         if self.lines:
             self._lines[self.number] = self.lines
-        self.add(np.array([(self.t, stop, self.number)], np.int64))
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        gaps = self._gaps
-        some = gaps[(gaps[:, 0] >= start) & (gaps[:, 1] <= stop)].tolist()
-        return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in some]
+        inside = self._gaps[:, (self.begins >= start) & (self.ends <= stop)].T.tolist()
+        return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in inside]
 
     def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return when the longest gap between each two times begins and ends, the second time where there is none."""
-        begins, ends = self._gaps[:, 0], self._gaps[:, 1]
+        begins, ends = self.begins, self.ends
         if not len(begins):
             return stop, stop
         found = stop.copy(), stop.copy()
@@ -86,7 +99,7 @@ class HeardNode:
     def silent(self, t: Array) -> Array:
         """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
         found = np.zeros(len(t), bool)
-        for start, stop, _ in self._gaps.tolist():
+        for start, stop in self._gaps[:2].T.tolist():
             found |= (start <= t) & (t < stop)
         return found
 
@@ -139,9 +152,9 @@ class HeardNodes:
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
-                heard.close(t)
+                heard.pause(t)
             if k in gaps:
-                heard.add(np.stack(gaps[k], axis=1))
+                heard.add(np.stack(gaps[k]))
             heard.t, heard.number, heard.lines = until, start + last, ()
 
 

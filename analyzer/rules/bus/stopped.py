@@ -100,7 +100,7 @@ class Stopped(Rule):
         for bus, heard in self._nodes.all():
             end = self._pauses.last.get(bus, heard.t)
             if end - heard.t > self._least(view):
-                heard.close(end)
+                heard.pause(end)
         paces, ends = [talk.pace for talk in self._talks.values()], self._pauses.last
         until = [ends.get(session.bus, pace.last) for session, pace in zip(self._talks, paces, strict=True)]
         silences = PacedReports.silences(paces, until)

@@ -29,13 +29,14 @@ class _Stretches(NamedTuple):
     since: array[int]
     until: array[int]
 
-    def add(self, since: int, until: int) -> None:
-        """Add one; the two oldest become one where they are too many."""
-        self.since.append(since)
-        self.until.append(until)
-        if len(self.since) > _MOST:
-            self.since[:2] = array("q", [min(self.since[:2])])
-            self.until[:2] = array("q", [max(self.until[:2])])
+    def add(self, since: list[int], until: list[int]) -> None:
+        """Add some; the oldest become one where they are too many."""
+        self.since.extend(since)
+        self.until.extend(until)
+        oldest = len(self.since) - _MOST + 1
+        if oldest > 1:
+            self.since[:oldest] = array("q", [min(self.since[:oldest])])
+            self.until[:oldest] = array("q", [max(self.until[:oldest])])
 
 
 class MalformedReports:
@@ -108,13 +109,15 @@ class MalformedReports:
             return
         known = self._stretches.setdefault(node, _Stretches(array("q"), array("q")))
         since, until = (known.since.pop(), known.until.pop()) if known.since else next(times)
+        begins, ends = [], []
         for first, last in times:
             if since <= first <= until + least:
                 until = max(until, last)
                 continue
-            known.add(since, until)
+            begins.append(since)
+            ends.append(until)
             since, until = first, last
-        known.add(since, until)
+        known.add([*begins, since], [*ends, until])
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:
