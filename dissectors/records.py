@@ -12,6 +12,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from dataclasses import dataclass, field, replace
 
 __all__ = ["as_dict", "dataclass", "field", "replace"]
@@ -38,9 +39,11 @@ if not TYPE_CHECKING:
 
     def replace(record: Any, /, **changes: Any) -> Any:
         """Return a copy with other values in some fields."""
-        values = dict(zip(record.__match_args__, record.record_values(record), strict=True))
+        cls = type(record)
+        read = vars(cls).get("record_values") or _values(cls.__match_args__)  # one of the standard library has none
+        values = dict(zip(cls.__match_args__, read.__func__(record), strict=True))
         values.update(changes)
-        return type(record)(**values)
+        return cls(**values)
 
 
 def as_dict(value: Any) -> Any:
@@ -101,7 +104,7 @@ def _made(cls: type, *, frozen: bool, eq: bool) -> type:
     return made
 
 
-def _values(names: list[str]) -> Any:
+def _values(names: Sequence[str]) -> Any:
     """Return what gives the values of some fields of an instance."""
     return staticmethod(attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, n) for n in names))
 

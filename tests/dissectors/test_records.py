@@ -135,3 +135,9 @@ def test_records_of_this_program_are_as_the_standard_library_makes_them() -> Non
 def test_a_record_has_slots() -> None:
     with pytest.raises(TypeError, match="has slots"):
         records.dataclass(slots=False)
+
+
+def test_records_of_the_standard_library_are_replaced_too() -> None:
+    for names in (["a"], ["a", "b"]):
+        standard = dataclasses.make_dataclass("Standard", [(name, int) for name in names], frozen=True)
+        assert replace(standard(*range(len(names))), a=7) == standard(7, *range(1, len(names)))
