@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from dissectors.kit.cells import numbers, pylist, valid
+from dissectors.kit.nested import inner, listed, not_finite
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -297,7 +298,7 @@ class DecodedTable:
 
         `members` lead to them, one step for each structure; what has no value is left out.
         """
-        return _inner(self._batch.column(name), np.arange(len(self)), members)
+        return inner(self._batch.column(name), np.arange(len(self)), members)
 
     def counts(self, name: str) -> Array:
         """Return how many elements each list of a column has; 0 in a column of anything else."""
@@ -312,7 +313,7 @@ class DecodedTable:
 
     def not_finite(self, name: str) -> Iterator[tuple[str, Array, Array]]:
         """Yield floats of a field that are NaN or infinite: dotted name, rows in order, values; also in structures."""
-        yield from _not_finite(self._batch.column(name), name)
+        yield from not_finite(self._batch.column(name), name)
 
 
 def column(array: pa.Array, *, time: bool = False) -> Array:
@@ -321,41 +322,3 @@ def column(array: pa.Array, *, time: bool = False) -> Array:
     if time and array.null_count:
         values = np.where(valid(array), values, NO_TIME)
     return values
-
-
-def _inner(array: pa.Array, rows: Array, members: Sequence[str]) -> tuple[Array, Array]:
-    if array.null_count:
-        has = valid(array)
-        array, rows = array.filter(pa.array(has)), rows[has]
-    if pa.types.is_list(array.type):
-        ends = np.asarray(array.offsets).astype(np.int64)
-        inside = array.values.slice(ends[0], ends[-1] - ends[0])
-        return _inner(inside, np.repeat(rows, np.diff(ends)), members)
-    if members:
-        return _inner(array.field(members[0]), rows, members[1:])
-    return rows, numbers(array)
-
-
-def _not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]:
-    kind = array.type
-    if pa.types.is_struct(kind):
-        for k in range(kind.num_fields):
-            yield from _not_finite(array.field(k), f"{name}.{kind.field(k).name}")
-    elif pa.types.is_list(kind):
-        ends = np.asarray(array.offsets).astype(np.int64)
-        for path, places, values in _not_finite(array.values, name):
-            yield path, np.searchsorted(ends, places, "right") - 1, values
-    elif pa.types.is_floating(kind):
-        values = numbers(array)
-        rows = np.flatnonzero(~np.isfinite(values))
-        if len(rows) and array.null_count:
-            rows = rows[valid(array)[rows]]
-        if len(rows):
-            yield name, rows, values[rows]
-
-
-def listed(array: pa.Array) -> tuple[Array, Array]:
-    """Return offsets from 0 and values of a list column."""
-    offsets = np.asarray(array.offsets).astype(np.int64)
-    values = column(array.values.slice(offsets[0], offsets[-1] - offsets[0])) if len(offsets) else np.empty(0)
-    return offsets - (offsets[0] if len(offsets) else 0), values

@@ -29,7 +29,7 @@ class Mapping(NamedTuple):
 
     @property
     def can_go(self) -> bool:
-        """Whether all its pages are those of a file, as they stand there."""
+        """True if all its pages are those of a file, as they stand there."""
         return bool(self.file) and "w" not in self.rights and not self.own and self.resident >= _LEAST
 
 

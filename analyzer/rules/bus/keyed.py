@@ -1,4 +1,4 @@
-"""What is known of each key, in columns: a bus full of faults has very many sessions."""
+"""Numbers known of each key, in columns: a bus full of faults has very many sessions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What explains steps of a node, as it is told: a counter for all types, several senders, one that wraps early."""
+"""Causes of steps of a node, as they are told: a counter for all types, several senders, one that wraps early."""
 
 from __future__ import annotations
 
