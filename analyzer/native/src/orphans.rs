@@ -2,10 +2,9 @@
 #![forbid(unsafe_code)]
 
 use std::collections::{HashMap, VecDeque};
-use std::ops::Range;
 
 const SESSIONS: usize = 1 << 12;
-/// Frames of a session that are remembered, the latest: those of two seconds and more.
+/// Frames of a session that are looked through, the latest: those of two seconds and more.
 const FRAMES: usize = 256;
 const NO_TIME: i64 = i64::MIN;
 const ID_BITS: u32 = 5;
@@ -18,6 +17,7 @@ pub struct Frame {
     pub id: u8,
 }
 
+/// Its frames in the order of their numbers.
 #[derive(Clone, Debug)]
 struct Session {
     frames: VecDeque<Kept>,
@@ -33,21 +33,21 @@ impl Kept {
         Kept(frame.t, frame.number << ID_BITS | i64::from(frame.id & ID))
     }
 
-    fn frame(self) -> Frame {
-        Frame {
-            number: self.1 >> ID_BITS,
-            t: self.0,
-            id: self.1 as u8 & ID,
-        }
+    fn number(self) -> i64 {
+        self.1 >> ID_BITS
+    }
+
+    fn id(self) -> u8 {
+        self.1 as u8 & ID
     }
 }
 
-/// A stretch of a session: since a time, frames of these numbers.
-#[derive(Clone, Debug)]
-pub struct Stretch {
+/// Where somebody looks: from a frame of a session on, or back from it, for what came since a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
     pub session: i64,
     pub since: i64,
-    pub numbers: Range<i64>,
+    pub number: i64,
 }
 
 /// The frames of each session that belong to no transfer.
@@ -57,6 +57,16 @@ pub struct Orphans {
 }
 
 impl Orphans {
+    /// Forgets all but the latest frames of each session, before those of the next batch come: of these all are there as
+    /// long as somebody asks, so that what is found does not depend on where batches begin.
+    pub fn forget(&mut self) {
+        for known in self.sessions.values_mut() {
+            let over = known.frames.len().saturating_sub(FRAMES);
+            known.frames.drain(..over);
+            known.frames.shrink_to(2 * FRAMES);
+        }
+    }
+
     pub fn add(&mut self, session: i64, frame: Frame) {
         if self.sessions.len() >= SESSIONS && !self.sessions.contains_key(&session) {
             return;
@@ -66,37 +76,57 @@ impl Orphans {
             newest: frame.t,
         });
         known.newest = known.newest.max(frame.t);
-        if known.frames.len() == FRAMES {
-            known.frames.pop_front();
-        }
-        known.frames.push_back(Kept::of(frame));
+        let at = match known.frames.back() {
+            Some(last) if last.number() > frame.number => known.before(frame.number),
+            _ => known.frames.len(),
+        };
+        known.frames.insert(at, Kept::of(frame));
     }
 
-    fn ids<'s>(&'s self, stretch: &'s Stretch) -> impl Iterator<Item = u8> + 's {
-        let known = self.sessions.get(&stretch.session);
-        let recent = known.filter(|known| stretch.since != NO_TIME && known.newest >= stretch.since);
-        let frames = recent.into_iter().flat_map(|known| known.frames.iter().rev());
-        let frames = frames.map(|kept| kept.frame());
-        let inside = |frame: &Frame| frame.t >= stretch.since && stretch.numbers.contains(&frame.number);
-        frames.filter(inside).map(|frame| frame.id)
+    /// Whether any frame came before one.
+    pub fn before(&self, place: &Place) -> bool {
+        self.recent(place)
+            .is_some_and(|known| known.back(place).next().is_some())
     }
 
-    /// Whether any frame came then.
-    pub fn any(&self, stretch: &Stretch) -> bool {
-        self.ids(stretch).next().is_some()
+    /// Whether any frame came behind one.
+    pub fn behind(&self, place: &Place) -> bool {
+        self.recent(place).is_some_and(|known| {
+            let frames = known.frames.range(known.before(place.number.saturating_add(1))..);
+            frames.take(FRAMES).any(|frame| frame.0 >= place.since)
+        })
     }
 
-    /// Whether frames with each of `count` transfer IDs from `first` on came then.
-    pub fn all(&self, stretch: &Stretch, first: u8, count: u8) -> bool {
+    /// Whether frames with each of `count` transfer IDs from `first` on came before one.
+    pub fn cover(&self, place: &Place, first: u8, count: u8) -> bool {
         let wanted = (0..count.min(ID + 1)).fold(0_u32, |bits, k| bits | 1 << (first.wrapping_add(k) & ID));
-        self.ids(stretch).fold(0_u32, |bits, id| bits | 1 << (id & ID)) & wanted == wanted
+        let frames = self.recent(place).into_iter().flat_map(|known| known.back(place));
+        frames.fold(0_u32, |bits, frame| bits | 1 << frame.id()) & wanted == wanted
+    }
+
+    fn recent(&self, place: &Place) -> Option<&Session> {
+        let known = self.sessions.get(&place.session);
+        known.filter(|known| place.since != NO_TIME && known.newest >= place.since)
+    }
+}
+
+impl Session {
+    /// How many frames came before one.
+    fn before(&self, number: i64) -> usize {
+        self.frames.partition_point(|frame| frame.number() < number)
+    }
+
+    /// The latest frames before one, the last one first.
+    fn back(&self, place: &Place) -> impl Iterator<Item = &Kept> {
+        let (end, since) = (self.before(place.number), place.since);
+        let frames = self.frames.range(..end).rev().take(FRAMES);
+        frames.filter(move |frame| frame.0 >= since)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Frame, Orphans, Stretch, FRAMES, NO_TIME, SESSIONS};
-    use std::ops::Range;
+    use super::{Frame, Orphans, Place, FRAMES, NO_TIME, SESSIONS};
 
     fn orphans(frames: impl IntoIterator<Item = (i64, i64, u8)>) -> Orphans {
         let mut found = Orphans::default();
@@ -106,48 +136,74 @@ mod tests {
         found
     }
 
-    fn stretch(session: i64, since: i64, numbers: Range<i64>) -> Stretch {
-        Stretch {
-            session,
-            since,
-            numbers,
-        }
+    fn place(session: i64, since: i64, number: i64) -> Place {
+        Place { session, since, number }
     }
 
     #[test]
-    fn a_stretch_has_frames_of_its_session_and_numbers_since_its_time() {
+    fn frames_of_a_session_came_before_one_or_behind_it_since_a_time() {
         let found = orphans([(10, 100, 3), (20, 200, 4)]);
-        assert!(found.any(&stretch(1, 100, 10..11)));
-        assert!(!found.any(&stretch(2, 100, 10..11)), "another session");
-        assert!(
-            !found.any(&stretch(1, 101, 10..20)),
-            "too early, and before the other one"
-        );
-        assert!(!found.any(&stretch(1, 201, 0..99)), "nothing is as new");
-        assert!(!found.any(&stretch(1, NO_TIME, 0..99)), "no time to count from");
+        assert!(found.before(&place(1, 100, 11)));
+        assert!(!found.before(&place(1, 100, 10)), "it is that one itself");
+        assert!(!found.before(&place(2, 100, 11)), "another session");
+        assert!(!found.before(&place(1, 101, 20)), "too early, and not before it");
+        assert!(!found.before(&place(1, 201, 99)), "nothing is as new");
+        assert!(!found.before(&place(1, NO_TIME, 99)), "no time to count from");
+        assert!(found.behind(&place(1, 101, 10)));
+        assert!(!found.behind(&place(1, 100, 20)), "it is that one itself");
+        assert!(!found.behind(&place(1, 201, 10)));
+        assert!(!found.behind(&place(1, 100, i64::MAX)));
     }
 
     #[test]
     fn every_one_of_some_transfer_ids_has_to_be_there() {
         let found = orphans([(10, 100, 30), (11, 100, 31), (12, 100, 0), (40, 100, 1)]);
-        assert!(found.all(&stretch(1, 0, 10..20), 30, 3), "IDs begin again at 0");
-        assert!(!found.all(&stretch(1, 0, 10..20), 30, 4), "the last one came later");
-        assert!(found.all(&stretch(1, 0, 10..50), 30, 4));
-        assert!(found.all(&stretch(1, 0, 10..20), 5, 0), "none is asked for");
-        assert!(!found.all(&stretch(1, 0, 10..50), 0, 99), "no more IDs than there are");
+        assert!(found.cover(&place(1, 0, 20), 30, 3), "IDs begin again at 0");
+        assert!(!found.cover(&place(1, 0, 20), 30, 4), "the last one came later");
+        assert!(found.cover(&place(1, 0, 50), 30, 4));
+        assert!(found.cover(&place(1, 0, 20), 5, 0), "none is asked for");
+        assert!(!found.cover(&place(1, 0, 50), 0, 99), "no more IDs than there are");
     }
 
     #[test]
-    fn a_session_keeps_its_latest_frames_and_no_others_come_beyond_the_bound() {
-        let most = FRAMES as i64;
-        let mut found = orphans((0..=most).map(|number| (number, number, 0)));
-        assert!(!found.any(&stretch(1, 0, 0..1)));
-        assert!(found.any(&stretch(1, 0, 1..2)));
-        let frame = Frame { number: 5, t: 5, id: 0 };
-        for session in 2..=SESSIONS as i64 + 1 {
-            found.add(session, frame);
+    fn what_came_late_stands_in_its_place() {
+        let found = orphans([(10, 100, 3), (30, 300, 5), (20, 200, 4)]);
+        assert!(found.cover(&place(1, 0, 21), 3, 2));
+        assert!(!found.cover(&place(1, 0, 20), 3, 2));
+        assert!(found.behind(&place(1, 0, 20)));
+    }
+
+    #[test]
+    fn the_latest_frames_of_a_session_are_looked_through_wherever_batches_begin() {
+        let frame = |k: i64| Frame {
+            number: k,
+            t: k,
+            id: if k == 0 { 7 } else { 0 },
+        };
+        let last = FRAMES as i64;
+        for cut in [0, 1, 100, last, last + 1] {
+            let mut found = Orphans::default();
+            for k in 0..=last {
+                if k == cut {
+                    found.forget();
+                }
+                found.add(1, frame(k));
+            }
+            assert!(found.cover(&place(1, 0, last), 7, 1) || cut == last + 1);
+            assert!(!found.cover(&place(1, 0, last + 1), 7, 1), "one too many lies between");
         }
-        assert!(found.any(&stretch(SESSIONS as i64, 0, 5..6)));
-        assert!(!found.any(&stretch(SESSIONS as i64 + 1, 0, 5..6)));
+    }
+
+    #[test]
+    fn memory_has_a_bound() {
+        let mut found = orphans((0..4 * FRAMES as i64).map(|k| (k, k, 0)));
+        for k in 0..2 * SESSIONS as i64 {
+            let (number, t, id) = (k, k, 0);
+            found.add(k, Frame { number, t, id });
+        }
+        found.forget();
+        assert_eq!(found.sessions.len(), SESSIONS);
+        assert!(found.sessions.values().all(|known| known.frames.len() <= FRAMES));
+        assert!(found.sessions[&1].frames.capacity() <= 4 * FRAMES);
     }
 }

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, View
 
 _ASTRAY = tuple(VERDICTS.index(name) for name in ("orphan", "wrong transfer id"))
-_NEVER = 1 << 62
 
 
 class OrphanFrames:
@@ -30,6 +29,7 @@ class OrphanFrames:
 
     def feed(self, view: View) -> None:
         """Add those of a batch, and of earlier ones whose sessions became certain."""
+        self._index.forget()
         late = view.settled.of(np.flatnonzero(np.isin(view.settled.verdict, _ASTRAY) & view.settled.known))
         if len(late.bus):
             self._add(late.bus << 32 | session_bits(late.id, late.verdict), late.number, late.t, late.tail)
@@ -42,16 +42,16 @@ class OrphanFrames:
 
     def before(self, session: Array, since: Array, lead: Array) -> Array:
         """Return whether any came after a time, up to a frame."""
-        return _mask(self._index.any((session, since, np.zeros_like(lead), lead + 1)))
+        return _mask(self._index.before((session, since, lead + 1)))
 
     def behind(self, session: Array, since: Array, lead: Array) -> Array:
         """Return whether any came after a time, behind a frame."""
-        return _mask(self._index.any((session, since, lead + 1, np.full_like(lead, _NEVER))))
+        return _mask(self._index.behind((session, since, lead)))
 
     def cover(self, session: Array, since: Array, lead: Array, first: Array, count: Array) -> Array:
         """Return whether frames with all of `count` transfer IDs from `first` on came after a time, before a frame."""
-        stretches = session, since, np.zeros_like(lead), lead
-        return _mask(self._index.all(stretches, first.astype(np.uint8), count.astype(np.uint8)))
+        asked = session, since, lead
+        return _mask(self._index.cover(asked, first.astype(np.uint8), count.astype(np.uint8)))
 
     def _add(self, session: Array, number: Array, t: Array, tail: Array) -> None:
         self._index.add(session, number, t, tail & np.uint8(TAIL_ID))

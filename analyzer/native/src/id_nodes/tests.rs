@@ -3,7 +3,8 @@
 
 use super::*;
 use crate::diagnosis::counters::Gaps;
-use crate::diagnosis::index::{Columns, Frames, Index};
+use crate::diagnosis::index::owned::Owned;
+use crate::diagnosis::index::{Frames, Index};
 use step::{Explains, Rule};
 
 const SECOND: i64 = 1_000_000_000;
@@ -148,8 +149,7 @@ fn types_that_count_together_share_a_counter() {
 fn several_senders_explain_all_steps_of_a_node() {
     let ids: Vec<u8> = (0..20).flat_map(|n| [n, n + 12]).map(|id| id & 31).collect();
     let rows = ids.len();
-    let columns = Columns {
-        first: 0,
+    let columns = Owned {
         t: (0..rows as i64).map(|k| k * SECOND / 10).collect(),
         bus: vec![0; rows],
         id: vec![PLACE as u32; rows],
@@ -157,7 +157,7 @@ fn several_senders_explain_all_steps_of_a_node() {
         offsets: (0..=rows as i32).collect(),
         data: ids.iter().map(|id| 0xC0 | id).collect(),
     };
-    let index = Index::new(columns).unwrap();
+    let index = Index::new(0, Box::new(columns)).unwrap();
     let steps = (1..rows as i64).map(|k| step(k, PLACE, ids[k as usize - 1], ids[k as usize]));
     let mut nodes = IdNodes::default();
     let found = fed(&mut nodes, steps.collect(), vec![], &[&index], 4);
@@ -169,8 +169,7 @@ fn several_senders_explain_all_steps_of_a_node() {
 #[test]
 fn a_transfer_that_came_again_is_a_copy() {
     let tails = [5, 6, 5, 7].map(|id| 0xC0 | id);
-    let columns = Columns {
-        first: 0,
+    let columns = Owned {
         t: (0..4).map(|k| k * SECOND / 10).collect(),
         bus: vec![0; 4],
         id: vec![PLACE as u32; 4],
@@ -178,7 +177,7 @@ fn a_transfer_that_came_again_is_a_copy() {
         offsets: (0..=4).collect(),
         data: tails.to_vec(),
     };
-    let index = Index::new(columns).unwrap();
+    let index = Index::new(0, Box::new(columns)).unwrap();
     let mut nodes = IdNodes::default();
     let steps = vec![step(2, PLACE, 6, 5), step(3, PLACE, 5, 7)];
     fed(&mut nodes, steps, vec![], &[&index], 1);

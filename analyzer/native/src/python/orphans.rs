@@ -5,11 +5,11 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::orphans::{Frame, Orphans, Stretch};
+use crate::orphans::{Frame, Orphans, Place};
 
 type Column<'py> = Bound<'py, Cells>;
 
-/// Sessions, times, and the numbers of the first frame and of the one behind the last: a stretch each.
+/// Sessions, times and numbers of frames: a place each.
 #[derive(FromPyObject)]
 pub struct Asked {
     #[pyo3(item(0))]
@@ -17,25 +17,19 @@ pub struct Asked {
     #[pyo3(item(1))]
     since: PyBuffer<i64>,
     #[pyo3(item(2))]
-    low: PyBuffer<i64>,
-    #[pyo3(item(3))]
-    high: PyBuffer<i64>,
+    number: PyBuffer<i64>,
 }
 
 impl Asked {
-    fn stretches(&self, py: Python<'_>) -> PyResult<Vec<Stretch>> {
+    fn places(&self, py: Python<'_>) -> PyResult<Vec<Place>> {
         let (session, since) = (self.session.to_vec(py)?, self.since.to_vec(py)?);
-        let (low, high) = (self.low.to_vec(py)?, self.high.to_vec(py)?);
-        if [since.len(), low.len(), high.len()] != [session.len(); 3] {
+        let number = self.number.to_vec(py)?;
+        if [since.len(), number.len()] != [session.len(); 2] {
             return Err(unfit());
         }
-        let rows = session.into_iter().zip(since).zip(low.into_iter().zip(high));
-        let stretch = |((session, since), (low, high))| Stretch {
-            session,
-            since,
-            numbers: low..high,
-        };
-        Ok(rows.map(stretch).collect())
+        let rows = session.into_iter().zip(since).zip(number);
+        let place = |((session, since), number)| Place { session, since, number };
+        Ok(rows.map(place).collect())
     }
 }
 
@@ -72,17 +66,36 @@ impl OrphanIndex {
         Ok(())
     }
 
-    /// Whether any frame came in each stretch.
+    /// Forgets what nobody looks for any more, before the next batch.
+    fn forget(&mut self) {
+        self.0.forget();
+    }
+
+    /// Whether any frame came since each time, before each frame.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn any<'py>(&self, py: Python<'py>, asked: Asked) -> PyResult<Column<'py>> {
-        let stretches = asked.stretches(py)?;
-        let found = stretches.iter().map(|one| u8::from(self.0.any(one))).collect();
+    fn before<'py>(&self, py: Python<'py>, asked: Asked) -> PyResult<Column<'py>> {
+        let found = asked
+            .places(py)?
+            .iter()
+            .map(|one| u8::from(self.0.before(one)))
+            .collect();
         Cells::own(py, found)
     }
 
-    /// Whether frames with each of `count` transfer IDs from `first` on came in each stretch.
+    /// Whether any frame came since each time, behind each frame.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn all<'py>(
+    fn behind<'py>(&self, py: Python<'py>, asked: Asked) -> PyResult<Column<'py>> {
+        let found = asked
+            .places(py)?
+            .iter()
+            .map(|one| u8::from(self.0.behind(one)))
+            .collect();
+        Cells::own(py, found)
+    }
+
+    /// Whether frames with all of `count` transfer IDs from `first` on came since each time, before each frame.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn cover<'py>(
         &self,
         py: Python<'py>,
         asked: Asked,
@@ -90,12 +103,12 @@ impl OrphanIndex {
         count: PyBuffer<u8>,
     ) -> PyResult<Column<'py>> {
         let (first, count) = (first.to_vec(py)?, count.to_vec(py)?);
-        let stretches = asked.stretches(py)?;
-        if [first.len(), count.len()] != [stretches.len(); 2] {
+        let places = asked.places(py)?;
+        if [first.len(), count.len()] != [places.len(); 2] {
             return Err(unfit());
         }
-        let rows = stretches.iter().zip(first.into_iter().zip(count));
-        let found = rows.map(|(one, (first, count))| u8::from(self.0.all(one, first, count)));
+        let rows = places.iter().zip(first.into_iter().zip(count));
+        let found = rows.map(|(one, (first, count))| u8::from(self.0.cover(one, first, count)));
         Cells::own(py, found.collect())
     }
 
