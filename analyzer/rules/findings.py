@@ -206,6 +206,7 @@ class Findings:
         full = len(self._runs) >= MOST_GROUPS
         told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
         apart = by_piece if page.explained else by_key if self._is_crowded(found.rule) else by_pause
+        placed: list[tuple[FindingKey, Any]] = []
         for pieces, noted, doubtful, bus, node, number in groups(found, near_drops, apart):
             if (noted, doubtful) not in shared:
                 shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
@@ -214,22 +215,23 @@ class Findings:
                 named = page.key_of(found.values(pieces[0].item(0))) if page.key else ""
                 key = FindingKey(last.rule, last.severity, bus, node, type_, named, last.dialects)
                 if self._has_room(key):
-                    self._put_all(told, pieces, key)
+                    self._runs_of(key)
+                    placed += ((key, piece) for piece in pieces)
                     continue
             further.setdefault((noted, doubtful), []).extend(pieces)
         for of, parts in further.items():
             rows = by_place(found, parts)
-            self._put_all(told, split(rows, apart(found.t[rows])), shared[of])
+            placed += ((shared[of], piece) for piece in split(rows, apart(found.t[rows])))
+        if found.rule in self._plain and 0 <= MOST_APART - self._counts.get(found.rule, 0) < len(placed):
+            placed.sort(key=lambda one: told.place(one[1].item(0)))  # which ones are the last to stand apart
+        for key, piece in placed:
+            self._put(key, self._run(told, piece, key))
 
     def _shared_key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
         """Return the key that what comes later shares; `doubtful`: its values may be those of another reading."""
         severity = self._severity(found.rule, found.severity, noted)
         dialects = (*found.dialects.items(), *(TURNED.items() if doubtful else ()))
         return FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects)
-
-    def _put_all(self, told: _Told, pieces: Sequence[Any], key: FindingKey) -> None:
-        for piece in pieces:
-            self._put(key, self._run(told, piece, key))
 
     def _run(self, told: _Told, rows: Any, key: FindingKey) -> OccurrenceRun:
         first, found = rows.item(0), told.found
@@ -254,7 +256,7 @@ class Findings:
     def _before(self, key: FindingKey, place: tuple[int, int]) -> OccurrenceRun | None:
         """Return the last run of a key that began before a place."""
         runs = self._runs.get(key)
-        if runs is None:
+        if not runs:
             return None
         at = len(runs) if runs[-1].first < place else bisect_left(runs, place, key=lambda one: one.first)
         return runs[at - 1] if at else None
@@ -262,7 +264,7 @@ class Findings:
     def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have."""
         if self._is_crowded(key.rule):
-            return 0 if key in self._runs else MOST_EXAMPLES
+            return 0 if self._runs.get(key) else MOST_EXAMPLES
         before = self._before(key, run.first)
         if before is None or not self._close(key)(before, run):
             return MOST_EXAMPLES
@@ -287,13 +289,18 @@ class Findings:
         """Return whether occurrences of a key are kept apart: those beyond `MOST_GROUPS` share one."""
         return key in self._runs or len(self._runs) < MOST_GROUPS
 
-    def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
-        self.changes += 1
+    def _runs_of(self, key: FindingKey) -> list[OccurrenceRun]:
+        """Return the runs of a key, which has its place from now on."""
         runs = self._runs.get(key)
         if runs is None:
             runs = self._runs[key] = []
             self._keys.setdefault((key.rule, key.bus, key.node), []).append(key)
             self._spots.setdefault(key.rule, set()).add((key.bus, key.node, key.type))
+        return runs
+
+    def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
+        self.changes += 1
+        runs = self._runs_of(key)
         before = len(runs)
         if runs and self._is_crowded(key.rule):
             absorb(runs, run)

@@ -117,6 +117,25 @@ def test_a_rule_with_too_many_runs_has_no_more_for_what_comes_again(monkeypatch:
     assert brief(*(one(*row) for row in rows), late)[0] == ("channel=1", 2, 9, 0, [0])
 
 
+@given(
+    rows=st.lists(st.tuples(st.integers(0, 300), st.integers(1, 4)), min_size=1, max_size=40),
+    cuts=st.lists(st.integers(0, 40), max_size=4),
+)
+def test_which_runs_stand_apart_does_not_depend_on_batches(rows: list[tuple[int, int]], cuts: list[int]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(findings, "MOST_APART", 5)
+        placed = [(t, number, channel) for number, (t, channel) in enumerate(sorted(rows))]
+        bounds = sorted({0, len(placed), *(cut for cut in cuts if cut < len(placed))})
+        pieces = [many(placed[a:b]) for a, b in pairwise(bounds)]
+        spans = [found[:4] for found in brief(*pieces)]
+        assert (
+            spans
+            == [found[:4] for found in brief(many(placed))]
+            == [found[:4] for found in brief(*(one(*row) for row in placed))]
+        )
+        assert sum(found[1] for found in spans) == len(rows)
+
+
 def test_what_explains_and_what_may_be_explained_keeps_all_its_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(findings, "MOST_APART", 1)
     assert len(result(*(shared(t) for t in (0, 20, 40)))) == 3
