@@ -14,7 +14,7 @@ from analyzer._native import FrameIndex
 from dissectors.kit import Kept
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from dissectors.kit import Array, FrameTable
 
@@ -91,13 +91,19 @@ class Recent:
         """Return which of some frames are not gone, and their cells: t, bus, id, flags and tail."""
         known = np.zeros(len(numbers), bool)
         cells = tuple(np.zeros(len(numbers), kind) for kind in (np.int64, np.int64, np.int64, np.int64, np.uint8))
-        for batch in self._batches:
-            mine = np.flatnonzero((numbers >= batch.first) & (numbers < batch.first + len(batch)))
-            if len(mine):
-                known[mine], rows = True, numbers[mine] - batch.first
-                for cell, column in zip(cells, (batch.t, batch.bus, batch.id, batch.flags, batch.tail), strict=True):
-                    cell[mine] = column[rows]
+        for batch, mine in self._having(numbers):
+            known[mine], rows = True, numbers[mine] - batch.first
+            for cell, column in zip(cells, (batch.t, batch.bus, batch.id, batch.flags, batch.tail), strict=True):
+                cell[mine] = column[rows]
         return known, *cells
+
+    def _having(self, numbers: Array) -> Iterator[tuple[FrameTable, Array]]:
+        """Yield the batches that have some of the frames, and which ones: a live session has very many batches."""
+        at = np.searchsorted(self._firsts, numbers, "right") - 1
+        for place in sorted(set(at.tolist())):
+            if place >= 0:
+                batch, mine = self._batches[place], np.flatnonzero(at == place)
+                yield batch, mine[numbers[mine] < batch.first + len(batch)]
 
     def _opened(self, at: int) -> _Cells:
         """Return what gives the cells of a row of a batch."""
@@ -143,10 +149,8 @@ class Recent:
     def each_line(self, numbers: Array, buses: Sequence[str]) -> Array:
         """Return many frames as `candump -l` writes them, one text each: an empty one for those that are gone."""
         found = np.full(len(numbers), "", object)
-        for batch in self._batches:
-            mine = np.flatnonzero((numbers >= batch.first) & (numbers < batch.first + len(batch)))
-            if len(mine):
-                found[mine] = self._native(batch).lines(numbers[mine].tolist(), buses)
+        for batch, mine in self._having(numbers):
+            found[mine] = self._native(batch).lines(numbers[mine].tolist(), buses)
         return found
 
     def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
