@@ -263,9 +263,9 @@ class Findings:
 
     def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have."""
-        if self._is_crowded(key.rule):
-            return 0 if self._runs.get(key) else MOST_EXAMPLES
         before = self._before(key, run.first)
+        if before is not None and self._is_crowded(key.rule):
+            return 0
         if before is None or not self._close(key)(before, run):
             return MOST_EXAMPLES
         if is_full(before, run.first):

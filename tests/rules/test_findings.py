@@ -114,7 +114,19 @@ def test_a_rule_with_too_many_runs_has_no_more_for_what_comes_again(monkeypatch:
     assert brief(*(many([row]) for row in rows)) == expected
     assert brief(many(rows[:3]), many(rows[3:])) == expected
     late = one(-30, 9)
-    assert brief(*(one(*row) for row in rows), late)[0] == ("channel=1", 2, 9, 0, [0])
+    assert brief(*(one(*row) for row in rows), late)[0] == ("channel=1", 2, 9, 0, [9, 0])
+
+
+def test_an_episode_of_a_rule_with_too_many_runs_begins_as_its_earliest_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(findings, "MOST_APART", 2)
+
+    def low(*rows: tuple[float, int, int]) -> Occurrences:
+        return many([*rows], worst={"value": ("lowest", np.array([-float(frame) for _, frame, _ in rows]))})
+
+    before = low((-30, 9, 1)), low((-51, 11, 1), (-50, 10, 1))
+    (_, run), _ = result(low((0, 1, 1)), low((20, 2, 2)), *before, low((90, 3, 1)))
+    assert run.episode.onset == {"channel": 1, "value": -11}
+    assert (run.count, run.first, run.text) == (5, (-51 * SECOND, 11), "ch1 = -11")
 
 
 @given(
