@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pyarrow as pa
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analyzer.rules.bus import sessions
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
 from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import Session, bus_frames, first_transfers
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
+
+if TYPE_CHECKING:
+    import pytest
 
 LEAST = 5
 # Identifiers of two nodes: three messages, and a service one of them asks the other for.
@@ -122,6 +128,16 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
             if count[session] <= most:
                 expected.append((session, k))
     assert list(first_transfers(TransferTable(batch), good, most, services=services)) == expected
+
+
+def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Elsewhere(WeakKeyDictionary[FrameTable, object]):
+        def __setitem__(self, _key: FrameTable, _value: object) -> None:
+            self.clear()
+
+    monkeypatch.setattr(sessions, "_known", Elsewhere())
+    (table,) = tables([(0, IDS[0], 0, b"\xc0")], 1)
+    assert list(bus_frames(table)) == [0]
 
 
 def test_there_is_room_for_what_is_known_and_was_heard_first() -> None:

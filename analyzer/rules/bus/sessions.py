@@ -170,13 +170,14 @@ class BusFrames:
         return found
 
 
-_known: WeakKeyDictionary[FrameTable, Mapping[int, BusFrames]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[FrameTable, dict[int, BusFrames]] = WeakKeyDictionary()
 
 
 def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
     """Return the frames of a batch by bus; several rules ask, all of the same batch."""
-    if frames not in _known:
-        _known.clear()
+    found = _known.get(frames)
+    if found is None:
+        _known.clear()  # another thread may do so at any time, for a batch of its own
         found = {}
         plain = (frames.flags & (EXTENDED | REMOTE) == EXTENDED) & (frames.id & _NODE != 0)
         all_ = bool(plain.all())
@@ -187,7 +188,7 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
             if rows is None or len(rows):
                 found[one.bus] = BusFrames(one, frames, rows)
         _known[frames] = found
-    return _known[frames]
+    return found
 
 
 def first_transfers(
