@@ -88,6 +88,15 @@ def test_a_node_that_never_sent_a_status_is_one_note() -> None:
     assert seen(*every(range(0, 2900, 100), arming)) == []
 
 
+def test_frames_without_a_time_are_no_silence() -> None:
+    lines = log(*every(range(0, 4000, 100), arming)).splitlines(keepends=True)
+    for gone in ((0,), (0, 1, 2), (39,), (0, 39), (20, 39)):
+        text = "".join(line.split(" ", 1)[1] if k in gone else line for k, line in enumerate(lines))
+        (one,) = whole(text, RULES)
+        assert (one.rule, one.first) == ("BUS-020", 1 + (0 in gone) + 2 * (1 in gone))
+        assert float(one.text.split()[2]) == round(3.9 - 0.1 * len(gone) + 0.1 * (20 in gone), 1)
+
+
 def test_a_lower_uptime_is_a_restart() -> None:
     up = [(k * 1000, alive(uptime, transfer_id=k)) for k, uptime in enumerate((311, 312, 0, 1, 2, 3, 4))]
     (one,) = seen(*up)

@@ -42,12 +42,13 @@ class StatusSilences(Rule):
         new = len(view.buses) * _NODES - len(self._active)
         before = self._active = np.concatenate((self._active, np.full(max(new, 0), NO_TIME)))
         self._active = before.copy()
-        self._active[code] = t.t
+        timed = np.flatnonzero(t.t != NO_TIME)
+        self._active[code[timed]] = t.t[timed]
         self._woke = np.concatenate((self._woke, np.full(max(new, 0), NO_TIME)))
         self._wake(view, code)
         for node in np.flatnonzero((before == NO_TIME) & (self._active != NO_TIME)).tolist():
             if node % _NODES:
-                row = int(np.argmax(code == node))
+                row = int(timed[np.argmax(code[timed] == node)])
                 self._first[node] = _place(view, row, view.type_name(int(t.code[row])))
         table = view.table(NODE_STATUS)
         reports = np.empty(0, np.int64) if table is None else table.row[table.trusted & (table.t != NO_TIME)]
@@ -62,7 +63,7 @@ class StatusSilences(Rule):
             before_each = np.append(int(t.t[rows[0]]) if known is None else known.t, t.t[rows[:-1]])
             late = np.flatnonzero(t.t[rows] - before_each > view.number("BUS-020", "late_s") * SECOND)
             if len(late):
-                of_node = of_node or dict(groups(code))
+                of_node = of_node or {one: timed[mine] for one, mine in groups(code[timed])}
                 own = of_node[node]
                 sent = np.searchsorted(own, rows[late])
                 active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
