@@ -144,6 +144,20 @@ def test_few_commands_have_no_rate() -> None:
     assert found(vehicle, "BUS-006") == []
 
 
+def test_one_command_has_no_rate_however_few_are_enough() -> None:
+    vehicle = Vehicle()
+    vehicle.command(0, 1000, 1000, 1000)
+    assert judge(vehicle.finish(), ("BUS-006",), numbers={"BUS-006": {"min_transfers": 1}}) == []
+
+
+def test_one_report_has_no_rate_however_few_are_enough() -> None:
+    lines = reporting(50, 33).finish().splitlines(keepends=True)
+    reports = [k for k, line in enumerate(lines) if "040A" in line]
+    text = "".join(line for k, line in enumerate(lines) if k not in reports[3:])
+    numbers = {"BUS-018": {"min_transfers": 1, "min_s": 0}}
+    assert judge(text, ("BUS-018",), numbers=numbers) == []
+
+
 def reporting(configured: int, period: float) -> Vehicle:
     vehicle = Vehicle()
     vehicle.parameters(0, esc_fdb_rate=configured)

@@ -82,7 +82,7 @@ class CommandRate(Rule):
         nominal = view.number("BUS-006", "period_ms") * MILLISECOND
         tolerance = view.number("BUS-006", "tolerance_pct") / 100
         for who, periods in self._periods.items():
-            if periods.count + 1 < view.number("BUS-006", "min_transfers"):
+            if not periods.count or periods.count + 1 < view.number("BUS-006", "min_transfers"):
                 continue
             median = periods.below(0.5)
             mean = self._sent[who].period or median

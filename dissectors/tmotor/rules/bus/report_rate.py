@@ -148,7 +148,7 @@ def _numbers(table: DecodedTable, rows: Array) -> list[int]:
 
 def _judge(view: View, one: _Measured) -> Iterator[Occurrence]:
     """Yield a rate that is not as configured."""
-    enough = one.periods.count + 1 >= view.number("BUS-018", "min_transfers")
+    enough = one.periods.count and one.periods.count + 1 >= view.number("BUS-018", "min_transfers")
     if one.configured is None or one.configured == OPEN or one.place is None or not enough:
         return
     if one.last - one.first < view.number("BUS-018", "min_s") * SECOND:

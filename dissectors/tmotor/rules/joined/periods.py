@@ -38,7 +38,7 @@ class PeriodHistogram:
         self.count += len(periods)
 
     def below(self, share: float) -> float:
-        """Return the time that this share of them does not exceed."""
+        """Return the time that this share of them, at least one, does not exceed."""
         at = self._bins.item(np.searchsorted(np.cumsum(self._times), share * self.count))
         low, high = (np.array([at + k << 13], np.int32).view(np.float32)[0] for k in (0, 1))
         return float(low + high) / 2
