@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 _DONT_NEED = 4  # madvise(2): drop these pages; who touches one reads it anew
 _LEAST = 64  # kB in memory: of less there is not enough to gain
 _MAPS = Path("/proc/self/smaps")
-_HEAD = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) \S+ \S+ (\d+)")
+_HEAD = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) \S+ \S+ \d+\s*(.*)")
+_LIBRARY = re.compile(r"/[^/]+\.so[.0-9]*$")  # what a running program unmaps last
 
 
 class Mapping(NamedTuple):
@@ -23,14 +24,14 @@ class Mapping(NamedTuple):
     start: int
     end: int
     rights: str
-    file: int
+    file: str
     resident: int
     own: int
 
     @property
     def can_go(self) -> bool:
-        """True if all its pages are those of a file, as they stand there."""
-        return bool(self.file) and "w" not in self.rights and not self.own and self.resident >= _LEAST
+        """True if all its pages are those of a library, as they stand there."""
+        return bool(_LIBRARY.search(self.file)) and "w" not in self.rights and not self.own and self.resident >= _LEAST
 
 
 def mappings(lines: Iterable[str]) -> Iterator[Mapping]:
@@ -41,7 +42,7 @@ def mappings(lines: Iterable[str]) -> Iterator[Mapping]:
         if head is not None:
             if found is not None:
                 yield found
-            found = Mapping(int(head[1], 16), int(head[2], 16), head[3], int(head[4]), 0, 0)
+            found = Mapping(int(head[1], 16), int(head[2], 16), head[3], head[4], 0, 0)
         elif found is not None and line.startswith("Rss:"):
             found = found._replace(resident=int(line.split()[1]))
         elif found is not None and line.startswith("Anonymous:"):
