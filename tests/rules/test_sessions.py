@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from analyzer.rules.bus import sessions
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
 from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import Session, bus_frames, first_transfers
+from analyzer.rules.bus.sessions import Session, bus_frames, first_rows, first_transfers
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
 
@@ -109,6 +110,12 @@ def test_transfers_begin(rows: list[Heard], step: int) -> None:
 kinds = st.tuples(st.integers(0, 3), st.integers(0, 2), st.integers(1, 3), st.integers(0, 1), st.booleans())
 
 
+def _messages(rows: list[tuple[int, int, int, int, bool]]) -> Iterator[tuple[Session, int]]:
+    for k, (kind, type_id, src, bus, _) in enumerate(rows):
+        if KINDS[kind] == "message":
+            yield Session(bus, src, type_id), k
+
+
 @given(st.lists(kinds, max_size=40), st.integers(1, 2), st.booleans())
 def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int, services: bool) -> None:
     names = {"kind": 0, "type_id": 1, "src": 2, "bus": 3}
@@ -127,7 +134,9 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
             count[session] = count.get(session, 0) + 1
             if count[session] <= most:
                 expected.append((session, k))
-    assert list(first_transfers(TransferTable(batch), good, most, services=services)) == expected
+    codes, found = first_rows(TransferTable(batch), good, most, services=services)
+    assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == expected
+    assert dict(first_transfers(TransferTable(batch))) == {session: k for session, k in reversed(list(_messages(rows)))}
 
 
 def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
