@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -20,6 +19,8 @@ from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_STA
 from dissectors.kit import FrameTable, TransferTable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pytest
 
 LEAST = 5
@@ -136,7 +137,7 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
                 expected.append((session, k))
     codes, found = first_rows(TransferTable(batch), good, most, services=services)
     assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == expected
-    assert dict(first_transfers(TransferTable(batch))) == {session: k for session, k in reversed(list(_messages(rows)))}
+    assert dict(first_transfers(TransferTable(batch))) == dict(reversed(list(_messages(rows))))
 
 
 def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
