@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST_HELD = 4096
 MOST_JOINT = 1 << 16  # losses of a bus that are inferred
+_LAST = (1 << 63) - 1  # time that there is
 
 
 class Drops:
@@ -84,15 +85,19 @@ class Drops:
     def _near_each(self, found: Sequence[Occurrence]) -> list[bool]:
         """Return which occurrences are near a loss."""
         times = ((one.t if time is None else time for time in (one.since, one.until)) for one in found)
-        rows = [(one.bus, *(max(time, NO_TIME) for time in each)) for one, each in zip(found, times, strict=True)]
+        rows = [
+            (one.bus, *(min(max(time, NO_TIME), _LAST) for time in each))
+            for one, each in zip(found, times, strict=True)
+        ]
         return self._near(*np.array(rows, np.int64).reshape(-1, 3).T)
 
     def _near(self, bus: Array, since: Array, until: Array) -> list[bool]:
         """Return which stretches of time of a bus are near a loss."""
-        near = np.zeros(len(since), bool)
+        near, most = np.zeros(len(since), bool), max(self._around, self._beside)
         for one in distinct(bus) if self._times or self._joint else ():
             rows = np.flatnonzero(bus == one)
-            first, last = since[rows], until[rows]
+            # One without a time begins before all others; beyond the first and the last time there is nothing.
+            first, last = np.maximum(since[rows], NO_TIME + most), np.minimum(until[rows], _LAST - most)
             if self._times:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
                 near[rows] = [self._times.near(one, *each) for each in said]

@@ -226,3 +226,19 @@ def test_columns_that_do_not_fit_together_are_refused() -> None:
             diagnose(question, [index], [([], None)], (*asked, np.zeros(1, np.uint8)))
     gone = np.array([5], np.uint64), np.array([0, 1], np.int64), np.zeros(1, np.uint32), np.zeros(1, np.uint8)
     assert cells(diagnose(0, [index], [([], None)], gone)[0], np.uint8).tolist() == [causes.GONE]
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_what_others_may_write_to_is_copied(own: bool) -> None:
+    """A view that nobody may write through shows what is written to the array behind it."""
+    columns = [np.zeros(1, kind) for kind in (np.int64, np.uint8, np.uint32, np.uint16)]
+    columns += [np.array([0, 1], np.int32), np.zeros(1, np.uint8)]
+    views = [column if own else column.view() for column in columns]
+    for view in views:
+        view.flags.writeable = False
+    index = FrameIndex(0, *views)
+    before = index.lines([0], ["can0"])
+    for column in columns:
+        column.flags.writeable = True
+        column[:] += 1
+    assert index.lines([0], ["can0"]) == before

@@ -17,7 +17,8 @@ from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
 from analyzer.rules.findings import Findings
 from analyzer.rules.view import Past
-from dissectors.kit import SECOND, Occurrence, Occurrences
+from dissectors.kit import NO_TIME, SECOND, JointLosses, Occurrence, Occurrences
+from dissectors.records import replace
 
 PAGES = load(registry())
 VIEW = Past(registry(), {}).finish()
@@ -224,6 +225,22 @@ def test_what_a_loss_may_explain_waits_for_it(end: int | None, given_back: int) 
     ready = list(drops.ready(None if end is None else end * SECOND))
     assert len(ready) == given_back
     assert [near for _, near in ready] == [[False]] * given_back
+
+
+@pytest.mark.parametrize(
+    ("t", "until", "near"),
+    [
+        (NO_TIME, 10 * SECOND, True),
+        (NO_TIME, NO_TIME + SECOND, False),
+        ((1 << 63) - 1, (1 << 63) + SECOND, False),
+        (9 * SECOND, (1 << 63) + SECOND, True),
+    ],
+)
+def test_a_loss_is_near_up_to_the_ends_of_all_times(t: int, until: int, near: bool) -> None:
+    drops = Drops(around=5 * SECOND, beside=SECOND // 2)
+    drops.add(JointLosses(*(np.array([cell]) for cell in (0, 10 * SECOND, 10 * SECOND, 0, 1, 3, 0, 0))))
+    drops.hold(replace(one(0, 1), t=t, until=until))
+    assert [found for _, found in drops.ready(None)] == [[near]]
 
 
 @pytest.mark.sampled(2)

@@ -32,7 +32,7 @@ impl Gaps<'_> {
     /// Whether a silence, or a gap of the capture, explains a start.
     pub fn explain(&self, one: &OddStart) -> bool {
         let timed = one.t != NO_TIME && one.since != NO_TIME;
-        timed && (one.t - one.since > TIMEOUT_NS || one.since < self.resumed(one.t))
+        timed && (one.t.saturating_sub(one.since) > TIMEOUT_NS || one.since < self.resumed(one.t))
     }
 }
 
@@ -153,6 +153,17 @@ mod tests {
     }
 
     #[test]
+    fn a_counter_may_go_on_since_the_first_of_all_times() {
+        let mut both = counters(5);
+        let ids: Vec<u8> = (1..20_u8).flat_map(|n| [n, 25]).collect();
+        for mut one in odd(&ids) {
+            one.since = NO_TIME + 1;
+            both.add(&one);
+        }
+        assert_eq!(both.goes_on().map(|found| found.since), Some(NO_TIME));
+    }
+
+    #[test]
     fn nothing_counts_across_a_silence_or_a_gap() {
         let gaps = Gaps {
             start: 0,
@@ -170,6 +181,11 @@ mod tests {
         assert!(gaps.explain(&start(6 * SECOND, 9 * SECOND)));
         assert!(!gaps.explain(&start(5 * SECOND, 6 * SECOND)));
         assert!(!gaps.explain(&start(NO_TIME, 6 * SECOND)));
+        let always = Gaps {
+            start: NO_TIME,
+            ends: &[],
+        };
+        assert!(always.explain(&start(-1, i64::MAX)), "as far apart as times can be");
         assert_eq!((gaps.resumed(4), gaps.resumed(5 * SECOND)), (0, 5 * SECOND));
     }
 }

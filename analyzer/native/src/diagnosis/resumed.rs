@@ -141,7 +141,7 @@ impl Resumed {
         Some(GoesOn {
             last: self.last,
             number: self.number,
-            since: timed.map_or(NO_TIME, |one| one.since - BEFORE),
+            since: timed.map_or(NO_TIME, |one| one.since.saturating_sub(BEFORE)),
             other: self.ids.iter().find(often).copied(),
         })
     }

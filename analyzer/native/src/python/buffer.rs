@@ -6,7 +6,7 @@ use std::slice::from_raw_parts;
 use std::sync::Arc;
 
 use bytemuck::{cast_slice, try_cast_slice, Pod};
-use pyo3::buffer::{Element, PyBuffer};
+use pyo3::buffer::{Element, PyBuffer, PyUntypedBuffer};
 use pyo3::exceptions::PyValueError;
 use pyo3::ffi::{PyBuffer_FillInfo, Py_buffer};
 use pyo3::prelude::*;
@@ -89,7 +89,8 @@ pub enum Lent<T: Element> {
 
 impl<T: Element> Lent<T> {
     pub fn of(py: Python<'_>, column: PyBuffer<T>) -> PyResult<Self> {
-        if column.readonly() && column.is_c_contiguous() && column.item_count() > 0 {
+        let kept = column.is_c_contiguous() && column.item_count() > 0;
+        if kept && column.obj(py).is_some_and(never_changes) {
             Ok(Lent::Borrowed(column))
         } else {
             Ok(Lent::Copied(column.to_vec(py)?))
@@ -103,12 +104,33 @@ impl<T: Element> Deref for Lent<T> {
     fn deref(&self) -> &[T] {
         match self {
             // SAFETY: `of` has seen that the buffer has cells, one behind the other, of this type and aligned, as
-            // `PyBuffer` checks when it is made, and that it is read-only: a column of Arrow, which nobody changes. The
+            // `PyBuffer` checks when it is made, and that what owns them lets nobody write: a buffer of Arrow. The
             // cells stay as long as the buffer is held.
             Lent::Borrowed(column) => unsafe { from_raw_parts(column.buf_ptr().cast(), column.item_count()) },
             Lent::Copied(column) => column,
         }
     }
+}
+
+/// Views of views of one owner that are looked behind.
+const VIEWS: usize = 8;
+
+/// Whether nobody can write to what owns a column. A read-only view may be one of an array that others change, and an
+/// array with memory of its own may become writable again.
+fn never_changes(column: &Bound<'_, PyAny>) -> bool {
+    let mut owner = column.clone();
+    for _ in 0..VIEWS {
+        if !PyUntypedBuffer::get(&owner).is_ok_and(|buffer| buffer.readonly()) {
+            return false;
+        }
+        // Of an array, and of a memoryview.
+        match ["base", "obj"].iter().find_map(|name| owner.getattr(*name).ok()) {
+            Some(behind) if behind.is_none() => return false,
+            Some(behind) => owner = behind,
+            None => return true,
+        }
+    }
+    false
 }
 
 /// Bytes from Python as the cells that they are.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _RULE = "BUS-017"
 _CLOSE = 64  # reports before a loss among which the last one with throttle is, mostly
+_LONGEST = 1 << 61  # times may be as far apart as there are any
 RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
 
 
@@ -167,5 +168,6 @@ def spares(t: Array, at: Array) -> Array:
         found[many] = 2 * np.sort(apart, axis=1)[:, (RECENT - 1) // 2]
     for k in np.flatnonzero(~many).tolist():
         few = sorted(after - one for one, after in pairwise(t[: at[k]].tolist()))
-        found[k] = 2 * int((few[len(few) // 2] + few[(len(few) - 1) // 2]) / 2) if few else 0
+        usual = int((few[len(few) // 2] + few[(len(few) - 1) // 2]) / 2) if few else 0
+        found[k] = 2 * max(min(usual, _LONGEST), -_LONGEST)
     return found
