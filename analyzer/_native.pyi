@@ -56,8 +56,8 @@ _Spec: TypeAlias = tuple[int, str, bytes | None, bytes, bytes, list[_Spec]]
 _Steps: TypeAlias = tuple[float, float, float]
 _Table: TypeAlias = list[tuple[int, Cells | None, Cells | None, Cells | None]]
 _Taken: TypeAlias = tuple[bytes, list[tuple[int, bytes, int]], tuple[int, int]]
-IdCause: TypeAlias = tuple[int, int, int, list[int], int, list[int]]
-IdTold: TypeAlias = tuple[
+_IdCause: TypeAlias = tuple[int, int, int, list[int], int, list[int]]
+_IdTold: TypeAlias = tuple[
     tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells], tuple[Cells, Cells]
 ]
 _Answers: TypeAlias = tuple[Cells, Cells, Cells, tuple[Cells, Cells], tuple[Cells, Cells]]
@@ -250,8 +250,8 @@ class IdNodes:
         given: tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]],
         lists: tuple[Any, Any],
         known: tuple[int, Any, int, int],
-    ) -> tuple[list[IdCause], IdTold]: ...
-    def finish(self) -> tuple[list[IdCause], IdTold]: ...
+    ) -> tuple[list[_IdCause], _IdTold]: ...
+    def finish(self) -> tuple[list[_IdCause], _IdTold]: ...
     def __deepcopy__(self, _memo: object, /) -> IdNodes: ...
 
 def identities(bus: Any, id: Any, offsets: Any, data: Any) -> tuple[Cells, Cells]: ...  # noqa: A002

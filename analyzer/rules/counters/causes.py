@@ -11,7 +11,7 @@ from dissectors.kit import Occurrence
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from analyzer._native import IdCause
+    from analyzer._native import _IdCause
     from dissectors.kit import Values, View
 
 SHARED_COUNTER, SHARED_ID = "TRF-020", "BUS-010"
@@ -20,7 +20,7 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 _TYPES, _BY_TURNS, _GOES_ON, _WRAPS = range(4)  # kinds of causes, as the core numbers them
 
 
-def shown_causes(view: View, causes: Iterable[IdCause]) -> Iterator[Occurrence]:
+def shown_causes(view: View, causes: Iterable[_IdCause]) -> Iterator[Occurrence]:
     """Yield causes each time that they show."""
     for bus, node, t, frames, kind, numbers in causes:
         rule, values = _words(view, node, kind, numbers)

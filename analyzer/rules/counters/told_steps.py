@@ -23,7 +23,7 @@ from dissectors.kit import MILLISECOND, Occurrences, groups
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer._native import IdTold
+    from analyzer._native import _IdTold
     from dissectors.kit import Array, Severity
 
 REORDERED = "transfers in another order"
@@ -50,7 +50,7 @@ class ToldSteps(NamedTuple):
     numbers: Array
 
     @classmethod
-    def of(cls, told: IdTold) -> ToldSteps:
+    def of(cls, told: _IdTold) -> ToldSteps:
         """Return what the core tells."""
         who, when, ids, (begins, numbers) = told
         small = [cells(column, np.uint8) for column in (*who, *ids)]
