@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import stat
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from analyzer.app.run import Run
 from analyzer.browser.colouring import RowColouring
 from analyzer.browser.listed import ListPages
 from analyzer.browser.store import store as store_module
-from analyzer.browser.store.folder import PREFIX, StoreFolder
+from analyzer.browser.store.folder import PREFIX, StoreFolder, remove_stale
 from analyzer.browser.store.store import StoreFullError, TableStore
 from analyzer.browser.view import BrowserView
 from analyzer.cli import main
@@ -90,6 +91,22 @@ def test_the_folder_is_ones_own_and_goes_away(tmp_path: Path) -> None:
         with StoreFolder(str(tmp_path)):
             assert folder.path.exists()  # its process lives
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_goes_away_meanwhile_hides_no_other_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in "ab":
+        (tmp_path / f"{PREFIX}{name}").mkdir()
+        (tmp_path / f"{PREFIX}{name}" / "lock").touch()
+    gone, user = iter([FileNotFoundError("it was removed")]), os.getuid()
+
+    def owner() -> int:
+        for error in gone:
+            raise error
+        return user
+
+    monkeypatch.setattr(os, "getuid", owner)
+    remove_stale(str(tmp_path))
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,16 +39,21 @@ class StoreFolder(AbstractContextManager["StoreFolder"]):
 
 def remove_stale(above: str) -> None:
     """Remove the folders below one that this user's dead processes have left."""
-    with suppress(OSError):
-        for entry in os.scandir(above):
-            if not entry.name.startswith(PREFIX) or not entry.is_dir(follow_symlinks=False):
-                continue
-            if hasattr(os, "getuid") and entry.stat(follow_symlinks=False).st_uid != os.getuid():
-                continue
-            lock = _locked(Path(entry.path) / _LOCK, create=False)
-            if lock is not None:
-                shutil.rmtree(entry.path, ignore_errors=True)
-                os.close(lock)
+    with suppress(OSError), os.scandir(above) as entries:
+        for entry in entries:
+            with suppress(OSError):  # its owner may remove it meanwhile
+                if entry.name.startswith(PREFIX) and entry.is_dir(follow_symlinks=False):
+                    _remove(entry)
+
+
+def _remove(entry: os.DirEntry[str]) -> None:
+    """Remove a folder, unless it is another user's or a living process's."""
+    if hasattr(os, "getuid") and entry.stat(follow_symlinks=False).st_uid != os.getuid():
+        return
+    lock = _locked(Path(entry.path) / _LOCK, create=False)
+    if lock is not None:
+        shutil.rmtree(entry.path, ignore_errors=True)
+        os.close(lock)
 
 
 def _locked(path: Path, *, create: bool) -> int | None:
