@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from analyzer.decode.readings import FORCED
 from analyzer.rules.episodes import episode_of
-from analyzer.rules.groups import by_key, by_pause, by_piece, by_place, groups, split
+from analyzer.rules.groups import all_one, by_pause, by_piece, by_place, pieces_by_key, split
 from analyzer.rules.runs import (
     MOST_EXAMPLES,
     OccurrenceRun,
@@ -205,9 +205,9 @@ class Findings:
         further: dict[tuple[bool, bool], list[Any]] = {}
         full = len(self._runs) >= MOST_GROUPS
         told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
-        apart = by_piece if page.explained else by_key if self._is_crowded(found.rule) else by_pause
+        apart = by_piece if page.explained else all_one if self._is_crowded(found.rule) else by_pause
         placed: list[tuple[FindingKey, Any]] = []
-        for pieces, noted, doubtful, bus, node, number in groups(found, near_drops, apart):
+        for pieces, noted, doubtful, bus, node, number in pieces_by_key(found, near_drops, apart):
             if (noted, doubtful) not in shared:
                 shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
             last, type_ = shared[noted, doubtful], view.type_name(number)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Occurrences
 
 
-def groups(
+def pieces_by_key(
     found: Occurrences, near_drops: Sequence[bool] | None, apart: Callable[[Any], Any]
 ) -> Iterator[tuple[Sequence[Any], bool, bool, int, int, int]]:
     """Yield rows that belong to one key each, in order of place, and what is true of all of them behind these.
@@ -60,7 +60,7 @@ def by_piece(t: Any) -> Any:
     return by_pause(t) | (piece[1:] != piece[:-1])
 
 
-def by_key(t: Any) -> Any:
+def all_one(t: Any) -> Any:
     """Return of each time but the first that no run begins with it."""
     return np.zeros(max(len(t) - 1, 0), bool)
 

@@ -30,7 +30,7 @@ Anonymous:             0 kB
 7f80-7f90 r--p 00000000 fe:01 78                          /usr/lib/with (two) words.so
 Rss:                  12 kB
 Anonymous:             0 kB
-7f90-7fa0 r--p 00000000 fe:01 79                          /tmp/table
+7f90-7fa0 r--p 00000000 fe:01 79                          /var/lib/table
 Rss:                 100 kB
 Anonymous:             0 kB
 7fa0-7fb0 r-xp 00000000 fe:01 80                          /usr/lib/libstdc++.so.6.0.30

@@ -17,6 +17,7 @@ from analyzer.rules.counters.id_steps import (
     RULES,
     WITHOUT_START,
 )
+from analyzer.rules.transfers.lists import picked
 from analyzer.tables import TRANSFER_IDS
 from dissectors.kit import MILLISECOND, Occurrences, groups
 
@@ -85,9 +86,7 @@ class ToldSteps(NamedTuple):
 
     def _take(self, rows: Array) -> ToldSteps:
         """Return some of them, with no other frames than theirs."""
-        begin, size = self.begins[rows], np.diff(self.begins)[rows]
-        begins = np.append(0, np.cumsum(size))
-        places = np.repeat(begin - begins[:-1], size) + np.arange(begins[-1])
+        begins, places = picked(self.begins, rows)
         columns = (column[rows] for column in self[:-2])
         return ToldSteps._make((*columns, begins, self.numbers[places]))
 

@@ -14,56 +14,42 @@ pub struct KeptRow {
 impl KeptRow {
     pub fn of(row: &Row<'_>) -> Self {
         KeptRow {
-            row: row.with(&[], &[]),
+            row: row.alone(),
             frames: row.frames.into(),
             payload: row.payload.into(),
         }
     }
 
     pub fn row(&self) -> Row<'_> {
-        self.row.with(&self.frames, &self.payload)
+        Row {
+            frames: &self.frames,
+            payload: &self.payload,
+            ..self.row
+        }
     }
 }
 
 impl Row<'_> {
-    /// The same with other frames and another payload.
-    fn with<'a>(&self, frames: &'a [u64], payload: &'a [u8]) -> Row<'a> {
-        let &Row {
-            id,
-            bus,
-            t,
-            t_end,
-            priority,
-            transfer_id,
-            status,
-            crc_wire,
-            crc_here,
-            step,
-            gap,
-            anomaly,
-            fd,
-            known,
-            asked,
-            ..
-        } = self;
+    /// The same without frames and payload, which are somebody else's.
+    fn alone(&self) -> Row<'static> {
         Row {
-            id,
-            bus,
-            t,
-            t_end,
-            priority,
-            transfer_id,
-            status,
-            crc_wire,
-            crc_here,
-            step,
-            gap,
-            anomaly,
-            fd,
-            known,
-            asked,
-            frames,
-            payload,
+            id: self.id,
+            bus: self.bus,
+            t: self.t,
+            t_end: self.t_end,
+            priority: self.priority,
+            transfer_id: self.transfer_id,
+            status: self.status,
+            crc_wire: self.crc_wire,
+            crc_here: self.crc_here,
+            step: self.step,
+            gap: self.gap,
+            anomaly: self.anomaly,
+            fd: self.fd,
+            known: self.known,
+            asked: self.asked,
+            frames: &[],
+            payload: &[],
         }
     }
 }
