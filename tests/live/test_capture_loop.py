@@ -78,7 +78,8 @@ def loop(hub: Any, recorder: Recorder, plan: AutostopPlan | None = None, **more:
 def test_recording_goes_on_while_nobody_takes_anything() -> None:
     recorder = Recorder()
     with loop(Hub(*(frames(100 * k, 100) for k in range(20))), recorder, most=500) as one:
-        wait_until(lambda: recorder.frames == 2000)
+        wait_until(lambda: one.unjudged == 1500)  # the last of these is recorded before it counts
+        assert recorder.frames == 2000
         taken = one.take(0)
         assert sum(piece.frames for piece in taken) == 500
         assert one.unjudged == 1500
@@ -90,12 +91,14 @@ def test_recording_goes_on_while_nobody_takes_anything() -> None:
 def test_losses_are_told_in_front_of_what_comes_after_them() -> None:
     recorder, hub = Recorder(), Hub(*(frames(100 * k, 100) for k in range(3)))
     with loop(hub, recorder, most=150) as one:
-        wait_until(lambda: recorder.frames == 300)
+        wait_until(lambda: one.unjudged == 200)
+        assert recorder.frames == 300
         first = one.take(0)
         assert [(piece.frames, piece.lines["drops"] > 0) for piece in first] == [(100, False), (0, True)]
         hub.pieces.append(frames(300, 100))
         hub.more.release()
-        wait_until(lambda: recorder.frames == 400)
+        wait_until(lambda: one.behind > 0)
+        assert recorder.frames == 400
         assert [(piece.frames, piece.lines["drops"]) for piece in one.take(0)] == [(100, 0)]
     assert one.unjudged == 200
 
