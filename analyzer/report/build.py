@@ -8,7 +8,7 @@ from analyzer.report import folding
 from analyzer.report.captures import describe_capture
 from analyzer.report.draft import Draft
 from analyzer.report.explain import needs
-from analyzer.report.found import events_from, findings_from, ranked
+from analyzer.report.found import FindingMaker, events_from, ranked
 from analyzer.report.model import Coverage, Gate, MarkedPlace, Place, Report, RuleVerdict
 from analyzer.rules import verdicts
 from analyzer.rules.exercised import coverage
@@ -72,14 +72,10 @@ def build(
     )
 
 
-def _findings(
-    one: JudgedCapture, pages: Mapping[str, Page], settings: Settings, fail_on: FailOn
-) -> Iterator[Finding]:  # fmt: skip
+def _findings(one: JudgedCapture, pages: Mapping[str, Page], settings: Settings, fail_on: FailOn) -> Iterator[Finding]:
     checked = one.checked
-    return findings_from(
-        checked.outcome, checked.facts.bus_names, pages, settings, capture=one.id, coarse=checked.coarse,
-        fail_on=fail_on,
-    )  # fmt: skip
+    names, coarse = checked.facts.bus_names, checked.coarse
+    return FindingMaker(names, pages, settings, capture=one.id, coarse=coarse, fail_on=fail_on).of(checked.outcome)
 
 
 def _events(one: JudgedCapture, pages: Mapping[str, Page]) -> Iterator[DeviceEvent]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, cast
 
+from analyzer.report.found import ranked
 from analyzer.report.model import SEVERITIES
 from analyzer.rules.verdicts import RatedFinding
 from dissectors.records import replace
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 # What is left out, and what already says it with a cause.
 INTO = {"TRF-006": ("TRF-003",), "TRF-016": ("TRF-005",), "BUS-035": ("BUS-007", "BUS-025")}
+_SAYING = {rule for rules in INTO.values() for rule in rules}
+_CONCERNED = INTO.keys() | _SAYING
 _GAP, _STOPPED = "TRF-016", "BUS-035"
 # A node that falls silent sent the type that the other rule is about so long before at most, in ns.
 _BEFORE = 3 * SECOND
@@ -34,14 +37,37 @@ def fold(findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], tuple[Findin
     return tuple(one for one in findings if id(one) not in left_out), folded
 
 
+class Folds:
+    """Folds findings again and again while more come in: only those of nodes where one is another object now."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[tuple[object, ...], tuple[list[Finding], tuple[Finding, ...]]] = {}
+
+    def shown(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Return the findings to show, in their order."""
+        findings = list(findings)
+        nodes: dict[tuple[object, ...], list[Finding]] = {}
+        for one in findings:
+            if one.rule in _CONCERNED:
+                nodes.setdefault((one.capture, one.bus, one.node), []).append(one)
+        before, self._nodes = self._nodes, {}
+        left_out: set[int] = set()
+        for node, own in nodes.items():
+            known = before.get(node)
+            if known is None or list(map(id, known[0])) != list(map(id, own)):
+                known = own, fold(ranked(own))[1]
+            self._nodes[node] = known
+            left_out |= set(map(id, known[1]))
+        return [one for one in findings if id(one) not in left_out] if left_out else findings
+
+
 class Index:
     """The findings that others may be folded into, by what they are about."""
 
     def __init__(self, findings: Iterable[Finding]) -> None:
         self._found: dict[tuple[object, ...], list[Finding]] = {}
-        wanted = {rule for rules in INTO.values() for rule in rules}
         for one in findings:
-            if one.rule in wanted:
+            if one.rule in _SAYING:
                 for about in {_about(one), _about(one)[:-1]}:
                     self._found.setdefault((one.rule, *about), []).append(one)
 

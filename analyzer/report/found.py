@@ -8,8 +8,8 @@ from analyzer.report.model import SEVERITIES, DeviceEvent, Example, Finding, Pla
 from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import verdicts
 from analyzer.rules.events import EVERY_BUS
+from analyzer.rules.found.runs import Shown
 from analyzer.rules.gate import FailOn
-from analyzer.rules.runs import Shown
 from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from analyzer.report.model import Category, Origin, Severity
     from analyzer.rules.catalogue import Page
+    from analyzer.rules.found.keys import FindingKey
+    from analyzer.rules.found.runs import OccurrenceRun
     from analyzer.rules.judge import Outcome
     from analyzer.rules.settings import Settings
 
@@ -24,36 +26,55 @@ NEVER_FAILS = FailOn()
 _UNSHOWN = Shown(NO_TIME, -1, "", "", (), ())
 
 
-def findings_from(
-    outcome: Outcome,
-    buses: Sequence[str],
-    pages: Mapping[str, Page],
-    settings: Settings,
-    *,
-    capture: str = "",
-    coarse: bool = False,
-    fail_on: FailOn = NEVER_FAILS,
-) -> Iterator[Finding]:
-    """Give a finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
-    for key, run in outcome.runs:
-        page = pages[key.rule]
-        if page.event:
-            continue
-        doubtful = coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
+class FindingMaker:
+    """Makes findings of runs of one outcome.
+
+    Args:
+        buses: names by index.
+        pages: the pages of rules.
+        settings: what was looked for.
+        capture: the name of the capture.
+        coarse: its times are too far apart to judge rules by.
+        fail_on: what fails.
+    """
+
+    def __init__(
+        self,
+        buses: Sequence[str],
+        pages: Mapping[str, Page],
+        settings: Settings,
+        *,
+        capture: str = "",
+        coarse: bool = False,
+        fail_on: FailOn = NEVER_FAILS,
+    ) -> None:
+        self._buses, self._pages, self._settings = buses, pages, settings
+        self._capture, self._coarse, self._fail_on = capture, coarse, fail_on
+
+    def of(self, outcome: Outcome) -> Iterator[Finding]:
+        """Give a finding for each run that is no event."""
+        for key, run in outcome.runs:
+            if not self._pages[key.rule].event:
+                yield self.one(key, run, outcome.labels.get((key.bus, key.node), ""))
+
+    def one(self, key: FindingKey, run: OccurrenceRun, label: str) -> Finding:
+        """Make the finding of a run; `label` is what its node is called."""
+        page = self._pages[key.rule]
+        doubtful = self._coarse and verdicts.TIMES in page.inconclusive and key.rule not in self._settings.severities
         severity: Severity = "note" if doubtful else key.severity
         examples = run.examples
         first, shown = _place(*run.first), examples[0] if examples else _UNSHOWN
-        yield Finding(
+        return Finding(
             key.rule,
             page.title,
             severity,
             cast("Category", page.category),
             cast("Origin", page.origin),
             page.clause,
-            capture,
-            "" if key.bus == EVERY_BUS else buses[key.bus],
+            self._capture,
+            "" if key.bus == EVERY_BUS else self._buses[key.bus],
             None if key.node < 0 else key.node,
-            outcome.labels.get((key.bus, key.node), ""),
+            label,
             key.type,
             key.key,
             run.count,
@@ -63,7 +84,7 @@ def findings_from(
             ", ".join(filter(None, (verdicts.COARSE, shown.cause))) if doubtful else shown.cause,
             run.text or shown.text,
             tuple(map(_example, examples)),
-            fails=fail_on.fails(page.category, severity),
+            fails=self._fail_on.fails(page.category, severity),
         )
 
 

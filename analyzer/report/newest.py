@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import time
+from collections import ChainMap
 from typing import TYPE_CHECKING
 
-from analyzer.report import folding
 from analyzer.report.draft import Draft
-from analyzer.report.found import findings_from, ranked
-from analyzer.rules.runs import PAUSE
+from analyzer.report.folding import Folds
+from analyzer.report.found import FindingMaker, ranked
+from analyzer.rules.found.runs import PAUSE
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from analyzer.report.draft import Revise
     from analyzer.report.model import Finding, Place, Severity
-    from analyzer.rules.judge import Judge, Outcome
+    from analyzer.rules.found.keys import FindingKey
+    from analyzer.rules.found.runs import OccurrenceRun
+    from analyzer.rules.judge import Judge
     from analyzer.rules.settings import Settings
 
-    _Seen = dict[tuple[object, ...], dict[Severity, tuple[int, Place]]]
+    _Run = tuple[FindingKey, OccurrenceRun]
+    _Counts = dict[Severity, tuple[int, Place]]
+    _Seen = dict[tuple[object, ...], _Counts]
 
 # Times as long as a look took the next one waits.
-_PATIENCE = 10
+_PATIENCE = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +46,8 @@ class Change:
 class Newest:
     """The findings of a judge at work.
 
-    A look costs the more, the more findings there are: the next one waits ten times as long as it took.
+    A look costs the more, the more is new, and a little for each finding: the next one waits many times as long as it
+    took.
 
     Args:
         judge: has not finished.
@@ -61,11 +67,22 @@ class Newest:
     ) -> None:
         self._judge, self._settings, self._revise, self._capture = judge, settings, revise, capture
         self._now = now
+        self._made: dict[int, tuple[_Run, Finding]] = {}  # by the identity of the run
+        self._labels: Mapping[tuple[int, int], str] = {}
+        self._folds = Folds()
+        self._told: dict[int, Finding] = {}  # all of the last look, by their identity
         self._seen: _Seen = {}
         self._early: _Seen = {}  # what a look ahead has told
         self._changes = 0
         self._next = 0.0
-        self.all: tuple[Finding, ...] = ()
+        self._all: tuple[Finding, ...] | None = ()
+
+    @property
+    def all(self) -> tuple[Finding, ...]:
+        """Every finding of the last look, worst first, then by time."""
+        if self._all is None:
+            self._all = ranked(self._told.values())
+        return self._all
 
     def look(self, buses: Sequence[str], *, last: bool = False) -> list[Change]:
         """Return what is new, worst first, then by time; `all` has every finding then.
@@ -76,9 +93,7 @@ class Newest:
         if self._judge.changes == self._changes or (start < self._next and not last):
             return []
         self._changes = self._judge.changes
-        self.all = self._findings(self._judge.so_far(), buses)
-        found, self._seen = _changes(self.all, {**self._seen, **self._early})
-        self._early = {name: runs for name, runs in self._early.items() if name not in self._seen}
+        found = self._compared(self._revised(self._folds.shown(self._kept(buses))))
         self._wait(start)
         return found
 
@@ -96,33 +111,76 @@ class Newest:
         runs = tuple(
             (key, run) for key, run in outcome.runs if key.severity != "note" and pages[key.rule].category != "capture"
         )
-        findings = self._findings(replace(outcome, runs=runs), buses)
-        found, self._early = _changes(findings, {**self._seen, **self._early})
+        made = self._maker(buses).of(replace(outcome, runs=runs))
+        findings = self._revised(Folds().shown(made))
+        found, self._early = _changes(ranked(findings), ChainMap(self._early, self._seen))
         self._wait(start)
         return found
 
-    def _findings(self, outcome: Outcome, buses: Sequence[str]) -> tuple[Finding, ...]:
-        shown, _ = folding.fold(
-            ranked(findings_from(outcome, buses, self._judge.pages, self._settings, capture=self._capture))
-        )
-        draft = Draft((), (), shown)
+    def _maker(self, buses: Sequence[str]) -> FindingMaker:
+        return FindingMaker(buses, self._judge.pages, self._settings, capture=self._capture)
+
+    def _kept(self, buses: Sequence[str]) -> Iterator[Finding]:
+        """Give the findings of now, by place; one whose run is as it was is the same object again."""
+        outcome, maker = self._judge.so_far(), self._maker(buses)
+        before, self._made = self._made, {}
+        renamed = {node for node, _ in outcome.labels.items() ^ self._labels.items()}
+        self._labels = labels = outcome.labels
+        for told in outcome.runs:
+            made = before.get(id(told))
+            if made is None or (renamed and (told[0].bus, told[0].node) in renamed):
+                key, run = told
+                if self._judge.pages[key.rule].event:
+                    continue
+                made = told, maker.one(key, run, labels.get((key.bus, key.node), ""))
+            self._made[id(told)] = made
+            yield made[1]
+
+    def _revised(self, findings: Sequence[Finding]) -> Sequence[Finding]:
+        if not self._revise:
+            return findings
+        draft = Draft((), (), ranked(findings))
         for revise in self._revise:
             draft = revise(draft)
-        return tuple(draft.findings)
+        return draft.findings
+
+    def _compared(self, findings: Iterable[Finding]) -> list[Change]:
+        """Return what differs from the last look, and keep it in mind."""
+        before, self._told = self._told, {id(one): one for one in findings}
+        self._all = None
+        new = ranked(one for name, one in self._told.items() if name not in before)
+        found, seen = _changes(new, ChainMap(self._early, self._seen))
+        for name, one in before.items():
+            if name not in self._told:
+                _forget(one, self._seen)
+        for run, counts in seen.items():
+            self._seen.setdefault(run, {}).update(counts)
+        self._early = {run: counts for run, counts in self._early.items() if run not in self._seen}
+        return found
 
     def _wait(self, start: float) -> None:
         end = self._now()
         self._next = end + _PATIENCE * (end - start)
 
 
-def _changes(findings: Iterable[Finding], before: _Seen) -> tuple[list[Change], _Seen]:
+def _name(one: Finding) -> tuple[object, ...]:
+    return one.rule, one.bus, one.node, one.type, one.key, one.first
+
+
+def _forget(one: Finding, seen: _Seen) -> None:
+    counts = seen.get(_name(one), {})
+    counts.pop(one.severity, None)
+    if not counts:
+        seen.pop(_name(one), None)
+
+
+def _changes(findings: Iterable[Finding], before: Mapping[tuple[object, ...], _Counts]) -> tuple[list[Change], _Seen]:
     """Return what differs from what has been seen before, and what has been seen now."""
     found: list[Change] = []
     seen: _Seen = {}
     for one in findings:
-        name = one.rule, one.bus, one.node, one.type, one.key, one.first
-        seen.setdefault(name, {})[one.severity] = one.count, one.last
-        then = before.get(name, {})
+        seen.setdefault(_name(one), {})[one.severity] = one.count, one.last
+        then = before.get(_name(one), {})
         if then.get(one.severity) == (one.count, one.last):
             continue
         if not then:

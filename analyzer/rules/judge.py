@@ -11,7 +11,8 @@ from analyzer.rules import discovery
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
 from analyzer.rules.exercised.exercise import Exercises
-from analyzer.rules.findings import Findings
+from analyzer.rules.found.findings import Findings
+from analyzer.rules.found.results import Results
 from analyzer.rules.settings import Settings
 from analyzer.rules.vehicle.channels import ChannelLabels
 from analyzer.rules.view import Past
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
     from analyzer.decode.places import Places
     from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import FindingKey
+    from analyzer.rules.found.keys import FindingKey
+    from analyzer.rules.found.runs import OccurrenceRun
     from analyzer.rules.named_frames import TakesOccurrences
-    from analyzer.rules.runs import OccurrenceRun
     from analyzer.rules.vehicle.own import OwnRules
     from analyzer.rules.vehicle.own_judge import OwnJudge
     from dissectors import Registry
@@ -70,6 +71,7 @@ class Judge:
         self._past = Past(registry, self.numbers, settings.bit_rate)
         self._past.cut_in = settings.cut_in
         self._findings = Findings(self.enabled, settings.severities)
+        self._results = Results(self.enabled, settings.severities)
         around, beside = (round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006"))
         self._drops = Drops(around, beside, {rule for rule, page in self.pages.items() if page.key})
         conformances = discovery.conformances_of(registry)
@@ -106,9 +108,12 @@ class Judge:
         return self._findings.changes
 
     def so_far(self) -> Outcome:
-        """Return what is known before the end: runs as they stand now, without what only the end will tell."""
+        """Return what is known before the end: runs as they stand now, without what only the end will tell.
+
+        A run that is as it was the last time is the same pair.
+        """
         readings = self._past.dialects.statements
-        runs = self._findings.results(readings, self._past.end, over=False)
+        runs = self._results.of(self._findings, readings, self._past.end, over=False)
         return Outcome(tuple(self._placed(runs)), frozenset(), dict(self._labels), readings)
 
     def as_ended(self) -> Outcome:
@@ -130,7 +135,7 @@ class Judge:
             self._release(view, None)
         readings = self._past.dialects.statements
         return Outcome(
-            runs=tuple(self._placed(self._findings.results(readings, self._past.end))),
+            runs=tuple(self._placed(self._results.of(self._findings, readings, self._past.end))),
             words=self._exercises.words() | (frozenset() if self._own is None else self._own.words),
             labels=self._labels,
             readings=readings,
@@ -139,8 +144,8 @@ class Judge:
 
     def _placed(self, runs: Iterable[tuple[FindingKey, OccurrenceRun]]) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
         """Yield the runs with frames numbered as in the capture that they were picked from."""
-        for key, run in runs:
-            yield key, run if self._places is None else run.placed(self._places)
+        for told in runs:
+            yield told if self._places is None else (told[0], told[1].placed(self._places))
 
     def _take(self, found: Iterable[Occurrences | Occurrence], view: View) -> None:
         for one in found:

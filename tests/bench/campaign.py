@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import FindingKey
-    from analyzer.rules.runs import OccurrenceRun
+    from analyzer.rules.found.keys import FindingKey
+    from analyzer.rules.found.runs import OccurrenceRun
 
 SECONDS = 6.0
 BIT_RATE = 1_000_000

@@ -25,6 +25,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from kit.live import Row, made, stored  # noqa: E402 - found from here on
 
 from analyzer._native import AsRecorded  # noqa: E402
+from analyzer.app.live.batch_interval import BatchInterval  # noqa: E402
 from analyzer.app.live.list import EventLines  # noqa: E402
 from analyzer.app.live.session import LiveSession  # noqa: E402
 from analyzer.app.live.session_recording import SessionRecording  # noqa: E402
@@ -127,7 +128,7 @@ def main() -> None:
     view.look = look  # type: ignore[method-assign]
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
-        session = LiveSession(pump, recording, "week", wanted.criteria, [view], 0.0)  # type: ignore[arg-type,list-item]
+        session = LiveSession(pump, recording, "week", wanted.criteria, [view], BatchInterval(0, 0))  # type: ignore[arg-type,list-item]
         session.run()
     for place, count in (marks[-1] - marks[1]).most_common():
         if count >= args.rounds // 2:

@@ -16,6 +16,7 @@ from kit.strategies import examples
 
 from analyzer._native import AsRecorded
 from analyzer.app.live import run as live_run
+from analyzer.app.live.batch_interval import BatchInterval
 from analyzer.app.live.session import LiveSession
 from analyzer.app.live.session_recording import RecordingOptions, SessionPlan, SessionRecording
 from analyzer.app.live.source import LiveSource
@@ -121,7 +122,7 @@ def lived(pieces: Sequence[FrameBatch], path: Path, *more: str) -> tuple[list[di
     told = Told()
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
-        session = LiveSession(Steps(pieces, recording), recording, "", wanted.criteria, [told], 0.0)  # type: ignore[arg-type,list-item]
+        session = LiveSession(Steps(pieces, recording), recording, "", wanted.criteria, [told], BatchInterval(0, 0))  # type: ignore[arg-type,list-item]
         session.run()
         recording.close()
         taken = session.conclude()
@@ -185,14 +186,15 @@ def test_what_is_recorded_can_be_read_again(tmp_path: Path) -> None:
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
         steps = Steps(cut(FLOWN, [100, 300]), recording)
-        source = LiveSource(steps, recording, "here", 0.0, lambda: None)  # type: ignore[arg-type]
+        source = LiveSource(steps, recording, "here", BatchInterval(0, 0), lambda: None)  # type: ignore[arg-type]
         given = sum(batch.frames for batch in rows(source.chunks()) if not isinstance(batch, bytes))
         recording.close()
     path = str(tmp_path / "x.mcap")
     assert (source.live, source.name, [part.name for part in source.parts]) == (False, path, [path])
     again = sum(batch.frames for batch in rows(source.again().chunks()) if not isinstance(batch, bytes))
     assert given == again == len(FLOWN)
-    nothing = LiveSource(steps, SessionRecording(SessionPlan(NOTHING, (), ""), ExitStack()), "here", 0.0, lambda: None)  # type: ignore[arg-type]
+    unrecorded = SessionRecording(SessionPlan(NOTHING, (), ""), ExitStack())
+    nothing = LiveSource(steps, unrecorded, "here", BatchInterval(0, 0), lambda: None)  # type: ignore[arg-type]
     assert (nothing.live, nothing.name, nothing.parts) == (True, "here", [])
 
 

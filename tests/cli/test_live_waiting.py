@@ -12,6 +12,7 @@ from kit.command import CAPTURES, wait_until
 from kit.live import Frame, cut, stored
 
 from analyzer._native import AsRecorded
+from analyzer.app.live.batch_interval import BatchInterval
 from analyzer.app.live.session import LiveSession
 from analyzer.app.live.session_recording import SessionRecording
 from analyzer.app.live.waiting import MOST_FRAMES, PATIENCE, WaitingList
@@ -106,7 +107,7 @@ def listed(path: Path, record: Path, text: str, step: int) -> tuple[list[str], l
             usual(measured)  # type: ignore[arg-type]
 
         view.batch = batch  # type: ignore[method-assign]
-        session = LiveSession(loop, recording, "", criteria, [view], 0.0, loop.now, named=names)  # type: ignore[arg-type]
+        session = LiveSession(loop, recording, "", criteria, [view], BatchInterval(0, 0), loop.now, named=names)  # type: ignore[arg-type]
         session.run()
         recording.close()
         taken = session.conclude()

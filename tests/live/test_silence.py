@@ -11,6 +11,7 @@ from kit.command import CAPTURES
 from kit.live import Frame, Note, cut, stored
 
 from analyzer._native import AsRecorded
+from analyzer.app.live.batch_interval import BatchInterval
 from analyzer.app.live.session import SILENCE, LiveSession
 from analyzer.app.live.session_recording import SessionRecording
 from analyzer.cli.commands import parser
@@ -81,7 +82,7 @@ def lived(silent: int, *options: object, breaks: bool = False) -> tuple[Falling,
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
         loop = Falling(cut(stored(LOSS), [1000, 2000]), recording, clock, silent)
-        session = LiveSession(loop, recording, "", wanted.criteria, [], 0.0, lambda: clock.now)  # type: ignore[arg-type]
+        session = LiveSession(loop, recording, "", wanted.criteria, [], BatchInterval(0, 0), lambda: clock.now)  # type: ignore[arg-type]
         if breaks:
             session.newest._judge._rules.append(Uncopied())  # type: ignore[attr-defined]
         session.run()

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from kit.judged import outcome, registry
 
 from analyzer.decode.readings import Statement
-from analyzer.rules import findings, runs
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
-from analyzer.rules.findings import Findings
+from analyzer.rules.found import findings, runs
+from analyzer.rules.found.findings import Findings
+from analyzer.rules.found.results import Results
 from analyzer.rules.view import Past
 from dissectors.kit import NO_TIME, SECOND, JointLosses, Occurrence, Occurrences
 from dissectors.records import replace
@@ -46,7 +47,7 @@ def result(*found: Occurrences | Occurrence, severities: Any = (), readings: Any
     made = Findings(PAGES, dict(severities))
     for each in found:
         made.feed(each, VIEW)
-    return made.results(readings)
+    return Results(PAGES, dict(severities)).of(made, readings)
 
 
 def brief(*found: Occurrences | Occurrence) -> list[tuple[str, int, int, int, list[int]]]:
@@ -214,7 +215,7 @@ def test_the_reading_of_a_node_decides_at_the_end(choice: str, severities: list[
 def test_a_rule_that_is_not_looked_for_is_left_out() -> None:
     made = Findings({}, {})
     made.feed(one(0, 1), VIEW)
-    assert made.results(()) == []
+    assert Results(PAGES, {}).of(made, ()) == []
 
 
 @pytest.mark.parametrize(("end", "given_back"), [(15, 0), (16, 1), (18, 2), (None, 2)])

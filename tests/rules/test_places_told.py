@@ -10,7 +10,7 @@ import pytest
 
 from analyzer.decode.places import Places
 from analyzer.rules.diagnosis.causes import Cause, late_copy, wrong_id
-from analyzer.rules.runs import OccurrenceRun, Shown
+from analyzer.rules.found.runs import OccurrenceRun, Shown
 from dissectors.frame_text import FrameNumber, FrameText, filled, listed
 
 TEXT = "frame {frame} repeats frames {others}, {late} frames late {{}} {name!r:>5}"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analyzer.app.browse.live_names import LiveNames
+from analyzer.app.live.batch_interval import BatchInterval
 from analyzer.app.live.hook import FindingHook
 from analyzer.app.live.lag import Lag
 from analyzer.app.live.list import EventLines, TransferList, said
@@ -42,9 +43,9 @@ if TYPE_CHECKING:
     from analyzer.live.interfaces.receiver import Receiver
     from analyzer.report.model import Report
 
-# Seconds between two batches.
-_INTERVALS = {"list": 0.2, "monitor": 0.4, "browser": 0.4, "quiet": 0.5}
-_AT_ONCE = 0.1
+# Seconds between two batches: as a rule, and at most where judging them takes long.
+_INTERVALS = {"list": (0.2, 0.5), "monitor": (0.4, 1.0), "browser": (0.4, 1.0), "quiet": (0.5, 1.0)}
+_AT_ONCE = (0.1, 0.1)
 
 
 class LiveRun:
@@ -85,12 +86,13 @@ class LiveRun:
             say = printed(stack)
             hub = self._hub(stack)
             recording = SessionRecording(request.plan, stack)
+            shortest, longest = _AT_ONCE if request.flush else _INTERVALS[request.mode]
             loop = CaptureLoop(
                 hub, recording.recorder, recording.autostop, self._control, recording.end, recording.header,
-                self._interval(),
+                shortest,
             )  # fmt: skip
             session = LiveSession(
-                loop, recording, request.name, self._criteria, self._views, self._interval(),
+                loop, recording, request.name, self._criteria, self._views, BatchInterval(shortest, longest),
                 named=self._live_names if request.mode in ("browser", "monitor") else self._names, drawn=request.drawn,
             )  # fmt: skip
             self._add_views(stack, session, recording, say)
@@ -114,9 +116,6 @@ class LiveRun:
         if loop.unjudged:
             self.account.append(f"{loop.unjudged:,} frames are recorded, but not judged: judging was too slow")
         return report
-
-    def _interval(self) -> float:
-        return _AT_ONCE if self._request.flush else _INTERVALS[self._request.mode]
 
     def _hub(self, stack: ExitStack) -> Hub:
         """Open the interfaces; return the hub that receives from now on."""

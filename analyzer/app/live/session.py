@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.app.criteria import Criteria
+    from analyzer.app.live.batch_interval import BatchInterval
     from analyzer.app.live.session_recording import SessionRecording
     from analyzer.decode.engine import Batch
     from analyzer.flight.verdict.model import Triage
@@ -61,7 +62,7 @@ class LiveSession:
         name: of the capture, if nothing is recorded.
         criteria: rules and types.
         views: show it; more may be added until it runs.
-        interval: seconds between two batches.
+        interval: how long rows are gathered for a batch.
         now: seconds of a monotonic clock.
         named: is told which frames rules name.
         drawn: what happened is to have time lines.
@@ -74,14 +75,14 @@ class LiveSession:
         name: str,
         criteria: Criteria,
         views: list[SessionView],
-        interval: float,
+        interval: BatchInterval,
         now: Callable[[], float] = time.monotonic,
         named: TakesOccurrences | None = None,
         *,
         drawn: bool = False,
     ) -> None:
         self.loop = loop
-        source = LiveSource(loop, recording, name, interval, self._look)
+        source = LiveSource(loop, recording, name, interval, self._look, now)
         self._run = Run(Request((name,), rules=criteria.choice), registry=criteria.registry, source=source)
         self._judged: JudgedRun | None = JudgedRun(self._run, criteria, named)
         self._looked: RunTriage | None = RunTriage(self._run, drawn=drawn)

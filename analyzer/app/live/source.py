@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 from analyzer.sources.merge import Plan, open_captures
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from analyzer._native import FrameBatch
+    from analyzer.app.live.batch_interval import BatchInterval
     from analyzer.app.live.session_recording import RecordedFile, SessionRecording
     from analyzer.app.source import RunSource
     from analyzer.live.capture_loop import CaptureLoop
@@ -22,8 +24,9 @@ class LiveSource:
         loop: receives and records.
         recording: its files can be read again, and are all that can.
         name: of the session, if nothing is recorded.
-        interval: seconds between two batches.
+        interval: how long rows are gathered for a batch.
         look: called after each batch, once that is judged.
+        now: seconds of a monotonic clock.
     """
 
     damage = problem = length = None
@@ -31,10 +34,16 @@ class LiveSource:
     waits = False
 
     def __init__(
-        self, loop: CaptureLoop, recording: SessionRecording, name: str, interval: float, look: Callable[[], None]
+        self,
+        loop: CaptureLoop,
+        recording: SessionRecording,
+        name: str,
+        interval: BatchInterval,
+        look: Callable[[], None],
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._loop, self._recording, self._interval, self._look = loop, recording, interval, look
-        self._name = name
+        self._name, self._now = name, now
 
     @property
     def name(self) -> str:
@@ -62,13 +71,16 @@ class LiveSource:
             self._loop.control.stop()
 
     def chunks(self) -> Iterator[bytes | FrameBatch]:
-        """Yield rows, gathered for an interval, and an empty text behind those of each."""
+        """Yield rows, gathered for an interval, and an empty text behind those of each; whoever takes them is timed."""
         last = False
         while not last:
             last = self._loop.ended
-            yield from self._loop.take(self._interval)
+            rows = self._loop.take(self._interval.seconds)
+            start = self._now()
+            yield from rows
             yield b""
             self._look()
+            self._interval.took(self._now() - start)
 
     def again(self) -> RunSource:
         """Return what is recorded, to be read like any capture."""

@@ -16,12 +16,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from analyzer.decode.places import Places
-    from analyzer.rules.episodes import Episode
+    from analyzer.rules.catalogue import Page
+    from analyzer.rules.found.episodes import Episode
+
+    Close = Callable[["OccurrenceRun", tuple[int, int]], bool]
 
 PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
 PIECE = 10 * SECOND
 _PAST = 60 * SECOND  # after so long no cause is found any more
 MOST_EXAMPLES = 20
+RICH = 500  # runs that are told with all their examples, the first ones in the capture; the others have one
 MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
 
 
@@ -43,7 +47,10 @@ class Shown(NamedTuple):
 
 @dataclass(slots=True)
 class OccurrenceRun:
-    """Occurrences of one key without a pause of 10 s. Places are (t, frame). `text` is what is said of an episode."""
+    """Occurrences of one key without a pause of 10 s. Places are (t, frame). `text` is what is said of an episode.
+
+    `most` is how many examples it may have; one that goes on with another adds none to these.
+    """
 
     first: tuple[int, int]
     last: tuple[int, int]
@@ -51,11 +58,12 @@ class OccurrenceRun:
     examples: list[Shown] = field(default_factory=list)
     episode: Episode | None = None
     text: str = ""
+    most: int = MOST_EXAMPLES
 
     def copy(self) -> OccurrenceRun:
         """Return one that grows apart from this."""
         episode = None if self.episode is None else self.episode.copy()
-        return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text)
+        return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text, self.most)
 
     def placed(self, places: Places) -> OccurrenceRun:
         """Return it with the places in the capture of frames that were picked from there."""
@@ -72,21 +80,22 @@ class OccurrenceRun:
             self.episode.take(other.episode, between, later=self.first <= other.first)
         self.first, self.last = min(self.first, other.first), max(self.last, other.last)
         self.count += other.count
+        self.most = min(self.most + other.most, MOST_EXAMPLES)
         for example in other.examples:
             insort(self.examples, example)
-        del self.examples[MOST_EXAMPLES:]
+        del self.examples[self.most :]
 
 
-def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Callable[[OccurrenceRun, OccurrenceRun], bool]) -> None:
+def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Close) -> None:
     """Put a run among others, in order of time; those that are close become one."""
     behind = not runs or runs[-1].first < run.first  # as nearly always
     at = len(runs) if behind else bisect_left(runs, run.first, key=lambda one: one.first)
     runs.insert(at, run)
-    if at and close(runs[at - 1], run):
+    if at and close(runs[at - 1], run.first):
         runs[at - 1].take(run)
         del runs[at]
         at -= 1
-    while at + 1 < len(runs) and close(runs[at], runs[at + 1]):
+    while at + 1 < len(runs) and close(runs[at], runs[at + 1].first):
         runs[at].take(runs.pop(at + 1))
     if len(runs) > MOST_RUNS:
         last = runs.pop()
@@ -101,14 +110,19 @@ def absorb(runs: list[OccurrenceRun], run: OccurrenceRun) -> None:
         runs[at].take(runs.pop(at + 1))
 
 
-def without_pause(one: OccurrenceRun, after: OccurrenceRun) -> bool:
-    """Return whether two runs are one."""
-    return after.first[0] - one.last[0] <= PAUSE
+def without_pause(one: OccurrenceRun, first: tuple[int, int]) -> bool:
+    """Return whether a run and another, which begins at a place after its own first, are one."""
+    return first[0] - one.last[0] <= PAUSE
 
 
-def same_piece(one: OccurrenceRun, after: OccurrenceRun) -> bool:
-    """Return whether two runs are one piece."""
-    return after.first[0] // PIECE <= one.last[0] // PIECE
+def same_piece(one: OccurrenceRun, first: tuple[int, int]) -> bool:
+    """Return whether a run and another, which begins at a place after its own first, are one piece."""
+    return first[0] // PIECE <= one.last[0] // PIECE
+
+
+def closeness(page: Page) -> Close:
+    """Return what makes one run of two of a rule: nothing but a pause, unless a part of them may be explained."""
+    return same_piece if page.explained else without_pause
 
 
 def joined(pieces: Sequence[OccurrenceRun], causes: Iterable[OccurrenceRun]) -> list[OccurrenceRun]:
@@ -118,7 +132,7 @@ def joined(pieces: Sequence[OccurrenceRun], causes: Iterable[OccurrenceRun]) -> 
     for piece in pieces:
         explained = any(meets(cause, piece) for cause in causes)
         before = found[-1] if found else None
-        if before and piece.last[0] < past and before[1] == explained and without_pause(before[0], piece):
+        if before and piece.last[0] < past and before[1] == explained and without_pause(before[0], piece.first):
             before[0].take(piece)
         else:
             found.append((piece, explained))
@@ -127,7 +141,7 @@ def joined(pieces: Sequence[OccurrenceRun], causes: Iterable[OccurrenceRun]) -> 
 
 def is_full(run: OccurrenceRun, place: tuple[int, int]) -> bool:
     """Return whether a run has all the examples it may have, and these before a place."""
-    return len(run.examples) == MOST_EXAMPLES and run.examples[-1][:2] < place
+    return len(run.examples) == run.most and run.examples[-1][:2] < place
 
 
 def meets(one: OccurrenceRun, other: OccurrenceRun) -> bool:

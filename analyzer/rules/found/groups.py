@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.rules.runs import PAUSE, PIECE
+from analyzer.rules.found.runs import PAUSE, PIECE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -1,0 +1,26 @@
+"""How long a live session gathers rows for one batch: what a bus full of faults costs, it costs for each batch."""
+
+from __future__ import annotations
+
+# A batch waits so many times as long as the last one took: judging and showing are a twentieth of the time then.
+_PATIENCE = 19
+# By how much it may be longer than the last one: a single batch that was slow makes no long one.
+_GROWTH = 1.25
+
+
+class BatchInterval:
+    """The time between two batches, in seconds: the shortest one, longer where batches take long.
+
+    Args:
+        shortest: how often somebody wants to see what comes.
+        longest: how long it may be in no case.
+    """
+
+    def __init__(self, shortest: float, longest: float) -> None:
+        self.seconds = self._shortest = shortest
+        self._longest = longest
+
+    def took(self, busy: float) -> None:
+        """Take the seconds that the last batch took, and choose the next interval by them."""
+        wanted = min(_PATIENCE * busy, self.seconds * _GROWTH, self._longest)
+        self.seconds = max(wanted, self._shortest)
