@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 BUS = "can0"
 QUEUE = 8 << 20  # bytes
 WARM = 2.0  # seconds
+LONGEST = 1.0  # seconds between two batches, as live -q
 TIMESTAMPNS = 35
 RATE = 252  # status messages a second of each ESC: 7,600 frames
 FRAME = struct.Struct("=IB3x8s")
@@ -80,15 +81,18 @@ class Meter:
 
 
 def received(bus: socket.socket, pause: float, over: Over) -> Iterator[list[FrameBatch]]:
-    """What has come, after each pause (s), and what is left when it is over."""
+    """What has come, after each pause (s), and what is left when it is over. Pauses grow where a batch takes long."""
     from analyzer._native import SocketReceiver  # noqa: PLC0415 - the sending process does without
+    from analyzer.app.live.batch_interval import BatchInterval  # noqa: PLC0415
 
-    receiver = SocketReceiver(bus.fileno(), BUS)
+    receiver, interval = SocketReceiver(bus.fileno(), BUS), BatchInterval(pause, max(pause, LONGEST))
     while not over():
-        end = time.monotonic() + pause
+        end = time.monotonic() + interval.seconds
         while (left := end - time.monotonic()) > 0:
             receiver.receive(round(left * 1000))
+        start = time.monotonic()
         yield [receiver.take()]
+        interval.took(time.monotonic() - start)
     receiver.finish()
     yield [receiver.take()]
 
@@ -139,17 +143,21 @@ def engine() -> Feed:
 
 
 def rules() -> Feed:
+    """Rules, and looks at what they have found."""
     from analyzer.decode.engine import Engine  # noqa: PLC0415
+    from analyzer.report.newest import Newest  # noqa: PLC0415
     from analyzer.rules.checking import Check  # noqa: PLC0415
     from analyzer.rules.settings import Settings  # noqa: PLC0415
 
     running = Engine()
     check = Check(running.registry, Settings())
+    newest = Newest(check.judge, Settings())
 
     def feed(pieces: list[FrameBatch]) -> None:
         early = [batch for piece in pieces for batch in running.feed(piece)]
         for measured in check.measured([*early, running.flush()]):
             check.feed(measured)
+        newest.look(running.buses)
 
     return feed
 
