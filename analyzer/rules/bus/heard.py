@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import MOST_SESSIONS, Session, bus_frames
+from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
 from dissectors.kit import groups
 from dissectors.records import dataclass, field
@@ -24,8 +24,16 @@ _AT_ONCE = 256  # times that are compared with them together
 
 
 class SessionBegins(NamedTuple):
-    """Transfers of a session as they begin: times, numbers of frames, and how many were left out by their IDs."""
+    """Transfers of the sessions of a bus as they begin, one session after the other; of each there is one at least.
 
+    A session has its code, its `place` among all that were ever heard, and where it begins among the transfers; behind
+    the last one is where it ends. These have times, numbers of frames, and how many were left out by their IDs up to
+    there.
+    """
+
+    codes: Array
+    place: Array
+    first: Array
     t: Array
     number: Array
     lost: Array
@@ -165,29 +173,43 @@ class HeardSessions:
     """
 
     def __init__(self) -> None:
-        self._last = KeyedRows({"goes_on": 0, "transfer_id": -1, "lost": 0}, MOST_SESSIONS)
+        self._last = KeyedRows({"place": -1, "goes_on": 0, "transfer_id": -1, "lost": 0}, MOST_SESSIONS)
 
-    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, SessionBegins]]:
-        """Add a batch; yield what began of each session."""
+    def places(self, codes: Array) -> Array:
+        """Return the places of sessions among all that were heard, by their codes; -1 for others."""
+        return self._last.look_up("place", codes)
+
+    def feed(self, frames: FrameTable) -> Iterator[SessionBegins]:
+        """Add a batch; yield what began on each bus."""
         for ours in bus_frames(frames).values():
             at, first = ours.begins
             transfer_id = (ours.tail[at] & TAIL_ID).astype(np.int64)
             lost = np.zeros(len(at), np.int64)
             np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
-            t, number = ours.times[ours.row[at]], frames.first + ours.row[at]
             some = ours.messages[~ours.beyond(ours.messages, self._last)]
             codes = ours.codes[some]
-            self._last.add(codes)
-            rows = self._last.find(codes)
-            going, before, left = (self._last.get(name, rows) for name in ("goes_on", "transfer_id", "lost"))
+            rows = self._known(codes)
+            place, going, before, left = self._last.cells(rows)
             goes_on = (going != 0) & (ours.tail[ours.first[some]] & TAIL_START == 0)
             begin, end = first[some] + goes_on, first[some + 1]
-            self._last.set(codes, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
+            self._last.put(rows, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
             new = np.flatnonzero(begin < end)
-            codes, begin, end, before, left = (column[new] for column in (codes, begin, end, before, left))
-            missed = np.maximum((transfer_id[begin] - before) % TRANSFER_IDS - 1, 0)
-            left += np.where(before >= 0, missed, 0) - lost[begin]
-            self._last.set(codes, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
-            for code, low, high, more in zip(*(one.tolist() for one in (codes, begin, end, left)), strict=True):
-                mine = slice(low, high)
-                yield Session.of(code), SessionBegins(t[mine], number[mine], lost[mine] + more)
+            rows, codes, place, begin, end = (column[new] for column in (rows, codes, place, begin, end))
+            missed = np.maximum((transfer_id[begin] - before[new]) % TRANSFER_IDS - 1, 0)
+            left = left[new] + np.where(before[new] >= 0, missed, 0) - lost[begin]
+            self._last.put(rows, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
+            stop = np.cumsum(end - begin)
+            begun = np.arange(stop[-1] if len(stop) else 0) + np.repeat(end - stop, end - begin)
+            number, more = ours.row[at[begun]], np.repeat(left, end - begin)
+            yield SessionBegins(
+                codes, place, np.append(0, stop), ours.times[number], frames.first + number, lost[begun] + more
+            )
+
+    def _known(self, codes: Array) -> Array:
+        """Return the rows of sessions, which are there from now on."""
+        rows = self._last.find(codes)
+        new = np.flatnonzero(rows < 0)
+        if not len(new):
+            return rows
+        self._last.add(codes[new], place=np.arange(len(new)) + len(self._last))
+        return self._last.find(codes)

@@ -191,12 +191,6 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
     return found
 
 
-def first_transfers(t: TransferTable) -> Iterator[tuple[Session, int]]:
-    """Yield the first message of each session: the session and its row."""
-    codes, rows = first_rows(t)
-    yield from zip(map(Session.of, codes.tolist()), rows.tolist(), strict=True)
-
-
 def first_rows(
     t: TransferTable, good: Array | None = None, most: int = 1, *, services: bool = False
 ) -> tuple[Array, Array]:
