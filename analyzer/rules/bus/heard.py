@@ -55,46 +55,36 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap.
-    _gaps: Array = field(default_factory=lambda: np.empty((3, 0), np.int64))
+    # Begin and end of the latest gaps, and the number of the frame before each; in columns, too, once these are asked.
+    _gaps: list[tuple[int, int, int]] = field(default_factory=list)
+    _columns: Array | None = None
     _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
 
-    @property
-    def begins(self) -> Array:
-        """When gaps begin."""
-        found: Array = self._gaps[0]
-        return found
-
-    @property
-    def ends(self) -> Array:
-        """When gaps end."""
-        found: Array = self._gaps[1]
-        return found
-
-    def add(self, gaps: Array) -> None:
+    def add(self, *gaps: tuple[int, int, int]) -> None:
         """Note more gaps; the oldest ones are forgotten."""
-        known = np.concatenate((self._gaps, gaps), axis=1)
-        self._gaps = known if known.shape[1] <= _MOST_GAPS else known[:, -_MOST_GAPS:].copy()
+        self._gaps += gaps
+        del self._gaps[:-_MOST_GAPS]
+        self._columns = None
         if self._lines:
-            oldest = self._gaps[2, 0]
+            oldest = self._gaps[0][2]
             self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
     def pause(self, until: int) -> None:
         """Note a gap from its last frame on."""
-        self.add(np.array([[self.t], [until], [self.number]], np.int64))
+        self.add((self.t, until, self.number))
         if self.lines:
             self._lines[self.number] = self.lines
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        inside = self._gaps[:, (self.begins >= start) & (self.ends <= stop)].T.tolist()
+        inside = [gap for gap in self._gaps if gap[0] >= start and gap[1] <= stop]
         return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in inside]
 
     def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return when the longest gap between each two times begins and ends, the second time where there is none."""
-        begins, ends = self.begins, self.ends
-        if not len(begins):
+        if not self._gaps:
             return stop, stop
+        begins, ends = self._both
         found = stop.copy(), stop.copy()
         for at in range(0, len(start), _AT_ONCE):
             low, high = start[at : at + _AT_ONCE, None], stop[at : at + _AT_ONCE, None]
@@ -107,9 +97,16 @@ class HeardNode:
     def silent(self, t: Array) -> Array:
         """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
         found = np.zeros(len(t), bool)
-        for start, stop in self._gaps[:2].T.tolist():
+        for start, stop, _ in self._gaps:
             found |= (start <= t) & (t < stop)
         return found
+
+    @property
+    def _both(self) -> Array:
+        """When gaps begin, and when they end."""
+        if self._columns is None:
+            self._columns = np.array([gap[:2] for gap in self._gaps], np.int64).T.copy()
+        return self._columns
 
 
 class HeardNodes:
@@ -153,17 +150,20 @@ class HeardNodes:
             self._add(bus, frames.first, ours)
 
     def _add(self, bus: int, start: int, ours: BusFrames) -> None:
-        gaps, nodes = dict(ours.gaps(self._least, _MOST_GAPS, start)), ours.nodes
-        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last
-        for k, (node, t, until, last) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        gaps, nodes = ours.gaps(self._least, _MOST_GAPS), ours.nodes
+        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last + start
+        who = []
+        for node, t, until, last in zip(*(column.tolist() for column in columns), strict=True):
             heard = self._nodes.get((bus, node))
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
                 heard.pause(t)
-            if k in gaps:
-                heard.add(np.stack(gaps[k]))
-            heard.t, heard.number, heard.lines = until, start + last, ()
+            heard.t, heard.number, heard.lines = until, last, ()
+            who.append(heard)
+        each = zip(*(column.tolist() for column in (gaps.since, gaps.until, gaps.row + start)), strict=True)
+        for k, gap in zip(gaps.of.tolist(), each, strict=True):
+            who[k].add(gap)
 
 
 class HeardSessions:
