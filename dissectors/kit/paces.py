@@ -27,6 +27,7 @@ _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 _LATER = 5 * SECOND // 2
 # Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
 _AHEAD, _MOST_AHEAD = 4, 1 << 10
+_TOGETHER = 1 << 11  # times of all senders that cost no more than fewer do
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
@@ -222,7 +223,8 @@ class _Reports:
             here = slice(max(self.new.item(k) - 1, self.start.item(k)), self.stop.item(k))
             paced.settle(senders.item(k), self.t[here], self.lost[here])
         found: list[tuple[int, Break]] = []
-        begin, ahead = self.start.copy(), np.full(len(self.start), _AHEAD)
+        least = max(_AHEAD, min(_TOGETHER // len(self.start), _MOST_AHEAD))
+        begin, ahead = self.start.copy(), np.full(len(self.start), least)
         rows, short = self._long()
         while len(rows):
             of = self._of[rows]
@@ -236,7 +238,7 @@ class _Reports:
                 paced.end(senders.item(k), found[-1][1])
                 paced.settle(senders.item(k), self.t[row + 1 : stop], self.lost[row + 1 : stop])
                 begin[k], over[k] = row + 1, True
-            ahead = np.where(over, _AHEAD, np.minimum(2 * ahead, _MOST_AHEAD))
+            ahead = np.where(over, least, np.minimum(2 * ahead, _MOST_AHEAD))
             left = np.where(over[of], rows >= begin[of], ~next_)
             rows, short = rows[left], short[left]
         paced.count[senders] = np.minimum(self.stop - begin, _KEPT)

@@ -108,6 +108,11 @@ class Pauses:
         """
         begins, ends = self._both(bus).columns
         found = np.zeros(len(least), bool)
+        if not len(least):
+            return found
+        if spare.min() >= 0:  # then only what reaches into some of the times counts
+            near = (begins < stop.max()) & (ends > start.min())
+            begins, ends = begins[near], ends[near]
         size = max(_AT_ONCE // max(len(begins), 1), 1)
         for at in range(0, len(least), size):
             some = slice(at, at + size)

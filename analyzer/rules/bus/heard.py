@@ -10,6 +10,7 @@ from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
 from dissectors.kit import groups
+from dissectors.kit.order import spans
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
+_MOST_PARTS = 64  # of a node, in which they came: then these become one
 _NODE_BITS, _NODE = 7, 0x7F  # below the bus
 _AT_ONCE = 256  # times that are compared with them together
 
@@ -55,36 +57,41 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    # Begin and end of the latest gaps, and the number of the frame before each; in columns, too, once these are asked.
-    _gaps: list[tuple[int, int, int]] = field(default_factory=list)
-    _columns: Array | None = None
+    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap, first as they came.
+    _new: list[Array] = field(default_factory=lambda: [np.empty((3, 0), np.int64)])
     _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
 
-    def add(self, *gaps: tuple[int, int, int]) -> None:
+    @property
+    def gaps(self) -> Array:
+        """Begin and end of the latest gaps, and the number of the frame before each: a column a gap."""
+        if len(self._new) > 1:
+            self._new = [np.concatenate(self._new, axis=1)[:, -_MOST_GAPS:].copy()]
+        return self._new[0]
+
+    def add(self, gaps: Array) -> None:
         """Note more gaps; the oldest ones are forgotten."""
-        self._gaps += gaps
-        del self._gaps[:-_MOST_GAPS]
-        self._columns = None
-        if self._lines:
-            oldest = self._gaps[0][2]
+        self._new.append(gaps)
+        if self._lines or len(self._new) > _MOST_PARTS:
+            oldest = self.gaps[2, 0]
             self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
     def pause(self, until: int) -> None:
         """Note a gap from its last frame on."""
-        self.add((self.t, until, self.number))
+        self.add(np.array([[self.t], [until], [self.number]], np.int64))
         if self.lines:
             self._lines[self.number] = self.lines
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        inside = [gap for gap in self._gaps if gap[0] >= start and gap[1] <= stop]
+        gaps = self.gaps
+        inside = gaps[:, (gaps[0] >= start) & (gaps[1] <= stop)].T.tolist()
         return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in inside]
 
     def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return when the longest gap between each two times begins and ends, the second time where there is none."""
-        if not self._gaps:
+        begins, ends, _ = self.gaps
+        if not len(begins):
             return stop, stop
-        begins, ends = self._both
         found = stop.copy(), stop.copy()
         for at in range(0, len(start), _AT_ONCE):
             low, high = start[at : at + _AT_ONCE, None], stop[at : at + _AT_ONCE, None]
@@ -97,16 +104,9 @@ class HeardNode:
     def silent(self, t: Array) -> Array:
         """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
         found = np.zeros(len(t), bool)
-        for start, stop, _ in self._gaps:
+        for start, stop, _ in self.gaps.T.tolist():
             found |= (start <= t) & (t < stop)
         return found
-
-    @property
-    def _both(self) -> Array:
-        """When gaps begin, and when they end."""
-        if self._columns is None:
-            self._columns = np.array([gap[:2] for gap in self._gaps], np.int64).T.copy()
-        return self._columns
 
 
 class HeardNodes:
@@ -161,9 +161,9 @@ class HeardNodes:
                 heard.pause(t)
             heard.t, heard.number, heard.lines = until, last, ()
             who.append(heard)
-        each = zip(*(column.tolist() for column in (gaps.since, gaps.until, gaps.row + start)), strict=True)
-        for k, gap in zip(gaps.of.tolist(), each, strict=True):
-            who[k].add(gap)
+        each = np.stack((gaps.since, gaps.until, gaps.row + start))
+        for k, begin, end in spans(gaps.of):
+            who[k].add(each[:, begin:end].copy())
 
 
 class HeardSessions:

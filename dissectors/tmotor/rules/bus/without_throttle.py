@@ -133,7 +133,7 @@ class WithoutThrottle(Rule):
     def _excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
         coasts = (some.mode == _COAST_DOWN) & (some.pct == 0)
-        found: Array = np.isin(some.mode, _FOLDS) | coasts
+        found: Array = (some.mode == _FOLDS[0]) | (some.mode == _FOLDS[1]) | coasts
         found |= self._driven.at(unit.bus, unit.index, some.number)
         found |= self._elsewhere(unit, some.number, some.t, now)
         found |= self._priority.at(unit.bus, unit.node, some.number)
