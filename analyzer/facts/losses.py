@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,20 +26,19 @@ _COUNTING = (KINDS.index("message"), KINDS.index("request"))  # a response has t
 _BACK = TRANSFER_IDS - 3  # steps from here on are those of transfers that changed places with their neighbours
 _AHEAD = TRANSFER_IDS + 1 - _BACK  # and up to here those of what they changed places with
 
+# By node: lost; lost if one counter serves all its types, and whether it does or not; gaps, those that return from one,
+# and sessions with gaps.
+_COUNTS = ("lost", "common", "by_both", "gaps", "returns", "types")
+
 
 class LostTransfers:
     """Adds up gaps by node."""
 
     def __init__(self) -> None:
-        self._lost: Counter[Node] = Counter()
-        self._common: Counter[Node] = Counter()  # if one counter serves all types of the node
-        self._by_both: Counter[Node] = Counter()  # whether it does or not
+        self._counts = np.zeros((len(_COUNTS), 0), np.int64)  # as long as the highest node so far needs
         self._common_of = CommonCounters()
-        self._types: Counter[Node] = Counter()  # sessions with gaps
         self._known: set[int] = set()
         self._zeroed = ZeroedCounters()  # or their senders began anew
-        self._gaps: Counter[Node] = Counter()
-        self._returns: Counter[Node] = Counter()
         self._before: dict[int, int] = {}  # of each session, the ID in front of its last gap
 
     def feed(self, transfers: pa.RecordBatch) -> None:
@@ -64,17 +62,19 @@ class LostTransfers:
         first = self._first_of(of)
         fewer = np.where((common < missing) & ~first, common, 0)
         order, begins = grouped(node := bus << 8 | src)
-        counts = (
-            (self._lost, np.where(to_zero, 0, missing)), (self._common, fewer),
-            (self._by_both, np.minimum(common, missing)), (self._gaps, np.ones_like(node)),
-            (self._returns, returns), (self._types, first),
-        )  # fmt: skip
-        nodes = [(code >> 8, code & 0xFF) for code in node[order[begins]].tolist()]
-        for kept, much in counts:
-            for at, count in zip(nodes, np.add.reduceat(much[order], begins, dtype=np.int64).tolist(), strict=True):
-                kept[at] += count
+        lost, either = np.where(to_zero, 0, missing), np.minimum(common, missing)
+        counts = np.array((lost, fewer, either, np.ones_like(node), returns, first), np.int64)
+        nodes = node[order[begins]]
+        room = (int(nodes[-1]) | 0xFF) + 1 - self._counts.shape[1]
+        if room > 0:
+            self._counts = np.pad(self._counts, ((0, 0), (0, room)))
+        self._counts[:, nodes] += np.add.reduceat(counts[:, order], begins, axis=1)
         asked = np.isin(of, of[to_zero]) | self._zeroed.follows(of)
         self._zero(transfers, *(some[asked] for some in (rows, of, np.where(to_zero, missing, -1))))
+
+    def _count(self, name: str, at: Node) -> int:
+        node = at[0] << 8 | at[1]
+        return self._counts.item(_COUNTS.index(name), node) if node < self._counts.shape[1] else 0
 
     def _first_of(self, of: Array) -> Array:
         """Return which gaps are the first ones of their sessions: a counter may have become a common one just then."""
@@ -106,7 +106,7 @@ class LostTransfers:
 
     def shared(self, at: Node) -> bool:
         """Return whether two counters run under a node ID: what lies between them is not lost."""
-        return self._returns[at] >= max(FEWEST_RETURNS, RETURNING * self._gaps[at])
+        return self._count("returns", at) >= max(FEWEST_RETURNS, RETURNING * self._count("gaps", at))
 
     def lost(self, at: Node, *, began_anew: bool) -> int | None:
         """Return how many transfers of a node did not come; None if they cannot be counted.
@@ -115,10 +115,11 @@ class LostTransfers:
         """
         if self.shared(at):
             return None
-        lost = max(0, self._lost[at] + (0 if began_anew else self._zeroed.lost[at]))
-        types = self._types[at]
-        if types > 1 and self._gaps[at] >= FEWEST_COMMON and self._by_both[at] < lost * COMMON:
-            return round(self._common[at] / types)  # a gap of the one counter is one of each type
+        lost = max(0, self._count("lost", at) + (0 if began_anew else self._zeroed.lost[at]))
+        types = self._count("types", at)
+        one_counter = self._count("by_both", at) < lost * COMMON
+        if types > 1 and self._count("gaps", at) >= FEWEST_COMMON and one_counter:
+            return round(self._count("common", at) / types)  # a gap of the one counter is one of each type
         return lost
 
     def _returned(self, transfers: pa.RecordBatch, rows: Array, step: Array) -> Array:

@@ -27,9 +27,9 @@ class NodeNames:
         table = tables.get(NODE_INFO)
         if table is None or "name" not in table.schema.names or not table.num_rows:
             return
-        good = table.filter(table.column("trusted"))
-        for bus, src, name in zip(*(pylist(good.column(c)) for c in ("bus", "src", "name")), strict=True):
-            if (bus, src) in self.all or len(self.all) < MOST_NODES:
+        columns = (pylist(table.column(name)) for name in ("bus", "src", "name", "trusted"))
+        for bus, src, name, trusted in zip(*columns, strict=True):
+            if trusted and ((bus, src) in self.all or len(self.all) < MOST_NODES):
                 self.all[bus, src] = _text(name)
 
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.facts.losses import LostTransfers
 from analyzer.facts.node_names import NodeNames
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.facts.software import Software
 from analyzer.facts.traffic import rate, times
-from analyzer.tables import KINDS, distinct
+from analyzer.tables import KINDS
 from dissectors.kit.cells import numbers
 from dissectors.records import dataclass
 from dissectors.times import SECOND
@@ -126,16 +127,19 @@ class Senders:
         rows = np.flatnonzero(numbers(table.column("trusted")))
         t, timed = (column[rows] for column in times(table))
         bus, src, uptime = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src", "uptime_sec"))
-        node = bus << 8 | src
-        for code in distinct(node):
-            here = np.flatnonzero(node == code)
-            before, since = self._uptimes.get(code, (int(uptime[here[0]]), None))
-            earlier = np.concatenate(([before], uptime[here[:-1]]))
-            for k in np.flatnonzero(uptime[here] < earlier).tolist():
-                row = here[k]
-                past = since if not k else int(t[here[k - 1]]) if timed[here[k - 1]] else None
-                passed = None if past is None or not timed[row] else int(t[row]) - past
-                if passed is None or int(uptime[row]) * SECOND <= passed + _ROUGHLY:
-                    self._restarts[code >> 8, code & 0xFF] += 1
-            row = here[-1]
-            self._uptimes[code] = int(uptime[row]), int(t[row]) if timed[row] else None
+        order, begins = grouped(node := bus << 8 | src)
+        nodes, ends = node[order[begins]].tolist(), np.append(begins[1:], len(order)) - 1
+        t, timed, uptime = t[order], timed[order], uptime[order]
+        first = zip(nodes, uptime[begins].tolist(), strict=True)
+        before = [self._uptimes.get(code, (seconds, None)) for code, seconds in first]
+        earlier = np.append(uptime[:1], uptime[:-1])
+        earlier[begins] = [seconds for seconds, _ in before]
+        for k in np.flatnonzero(uptime < earlier).tolist():
+            of = int(np.searchsorted(begins, k, "right")) - 1
+            past = before[of][1] if k == begins[of] else t.item(k - 1) if timed[k - 1] else None
+            passed = None if past is None or not timed[k] else t.item(k) - past
+            if passed is None or uptime.item(k) * SECOND <= passed + _ROUGHLY:
+                self._restarts[nodes[of] >> 8, nodes[of] & 0xFF] += 1
+        last = (uptime[ends].tolist(), t[ends].tolist(), timed[ends].tolist())
+        for code, seconds, since, known in zip(nodes, *last, strict=True):
+            self._uptimes[code] = seconds, since if known else None

@@ -22,12 +22,15 @@ class Software:
     def __init__(self) -> None:
         self.all: dict[tuple[int, int], str] = {}
         self._texts: set[tuple[int, int]] = set()
+        self._without: set[str] = set()  # tables that tell none: nobody needs them made
 
     def feed(self, tables: Mapping[str, pa.RecordBatch]) -> None:
         """Add the tables of a batch; the latest version of its kind counts."""
-        for table in tables.values():
+        for name in [name for name in tables if name not in self._without]:
+            table = tables[name]
             column = version_column(table)
             if column is None:
+                self._without.add(name)
                 continue
             columns = [pylist(table.column(name)) for name in ("bus", "src", "trusted", column)]
             for bus, src, trusted, value in zip(*columns, strict=True):

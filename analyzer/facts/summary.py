@@ -221,8 +221,9 @@ class Summary:
         channels = np.rint(numbers(column)).astype(np.int64)
         for code in distinct((node << 32 | channels & 0xFFFF_FFFF)[good]):
             talk = self._talks.all.get((code >> 40, code >> 32 & 0xFF, sent))
-            if talk is not None and len(talk.channels) < MOST_CHANNELS:
-                talk.channels |= {code & 0xFFFF_FFFF}
+            channel = code & 0xFFFF_FFFF
+            if talk is not None and channel not in talk.channels and len(talk.channels) < MOST_CHANNELS:
+                talk.channels |= {channel}
 
     def _bus_facts(self, *, timed: bool) -> Iterator[BusFacts]:
         for index, bus in sorted(self._buses.items()):

@@ -52,6 +52,13 @@ def groups(keys: Array) -> Iterator[tuple[int, Array]]:
         yield int(keys[order[start]]), order[start:stop]
 
 
+def spans(keys: Array) -> Iterator[tuple[int, int, int]]:
+    """Yield each key of some that stand together, where it begins, and where it ends."""
+    first = [0, *(np.flatnonzero(keys[1:] != keys[:-1]) + 1).tolist(), len(keys)]
+    for start, stop in pairwise(first) if len(keys) else ():
+        yield keys.item(start), start, stop
+
+
 def changes(values: Array, before: float) -> Array:
     """Return the places of values that differ from the one in front, which is `before` for the first."""
     differs = np.empty(len(values), bool)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +11,10 @@ from dissectors.records import dataclass
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from dissectors.kit.array import Array
 
 MEMORY = 15  # periods that say what is usual
+_KEPT = MEMORY + 1  # reports, between which they are
 _ROUND = 16  # reports this many times closer than the longest period are one round
 _MANY = 8  # rounds that may be as irregular as a bad bus makes them:
 _MOSTLY, _SHORT, _LONG = 0.8, 0.65, 1.5  # so many periods lie within these shares of the usual one
@@ -27,6 +27,7 @@ _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 _LATER = 5 * SECOND // 2
 # Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
 _AHEAD, _MOST_AHEAD = 4, 1 << 10
+_TOGETHER = 1 << 11  # times of all senders that cost no more than fewer do
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
@@ -108,7 +109,7 @@ class Break:
 
 
 class PacedReports:
-    """The reports of one sender.
+    """The reports of many senders, a row each: a row is there once reports of it are fed.
 
     Args:
         least: shorter times than this in ns are no breaks.
@@ -119,101 +120,111 @@ class PacedReports:
 
     def __init__(self, least: int, periods: float, fewest: int, span: int = 0) -> None:
         self.least, self.periods, self.fewest, self.span = least, periods, fewest, span
-        self.first = NO_TIME  # the first report since the last break
-        self.t = np.empty(0, np.int64)  # since the pace changed last
-        self.lost = np.empty(0, np.int64)
-        self.usual = 0.0  # before that
-        self._open: Break | None = None
+        self.first = np.empty(0, np.int64)  # the first report since the last break
+        self.usual = np.empty(0)  # the period before the pace changed last
+        # Reports since then, at most `_KEPT`: how many, and their times and losses, which end where a row ends.
+        self.count = np.empty(0, np.int64)
+        self.t = np.empty((0, _KEPT), np.int64)
+        self.lost = np.empty((0, _KEPT), np.int64)
+        self._open: dict[int, Break] = {}
 
     @property
-    def last(self) -> int:
-        """The time of the last report."""
-        return int(self.t[-1]) if len(self.t) else NO_TIME
-
-    def feed(self, times: Array, lost: Array) -> list[Break]:
-        """Add reports, and how many were lost up to each; return the breaks between them."""
-        return self.feed_all([self], [times], [lost])[0]
-
-    @staticmethod
-    def feed_all(senders: Sequence[PacedReports], times: Sequence[Array], lost: Sequence[Array]) -> list[list[Break]]:
-        """Add reports of some senders, made with the same numbers; return the breaks of each."""
-        some = [k for k, new in enumerate(times) if len(new)]
-        found: list[list[Break]] = [[] for _ in senders]
-        if some:
-            reports = _Reports([senders[k] for k in some], [times[k] for k in some], [lost[k] for k in some])
-            for k, breaks in zip(some, reports.breaks(), strict=True):
-                found[k] = breaks
+    def last(self) -> Array:
+        """The time of the last report of each."""
+        found: Array = self.t[:, -1]
         return found
 
-    def silence(self, now: int) -> Break | None:
-        """Return the break that lasts until now, if there is one."""
-        return self.silences([self], [now])[0]
+    def feed(self, senders: Array, size: Array, t: Array, lost: Array) -> list[tuple[int, Break]]:
+        """Add reports of some senders, one sender after the other; return the breaks between them.
 
-    @staticmethod
-    def silences(senders: Sequence[PacedReports], until: Sequence[int]) -> list[Break | None]:
-        """Return the same of some senders, made with the same numbers, each up to its time."""
-        found: list[Break | None] = [None] * len(senders)
-        some = [k for k, now in enumerate(until) if now - senders[k].last > senders[k].least and len(senders[k].t)]
-        if some:
-            none = [np.empty(0, np.int64)] * len(some)
-            usual = _Reports([senders[k] for k in some], none, none).usual()
-            for k, period in zip(some, usual.tolist(), strict=True):
-                found[k] = senders[k].silent(until[k], period)
-        return found
+        Each comes with the place of its sender among these.
 
-    def silent(self, now: int, usual: float) -> Break | None:
-        """Return the break that lasts until now if the period is the usual one, if there is one."""
-        before = self._open
-        slower = before.stop - before.start if before is not None and before.kept else 0
-        longest = max(usual, slower) if slower <= _SLOWEST else usual
-        if not usual or now - self.last <= max(self.least, self.periods * longest):
-            return None
-        return Break(self.last, now, usual, -1, lowered=False)
+        Args:
+            senders: each stands there once.
+            size: how many reports of each there are, at least one.
+            t: when they came.
+            lost: how many were lost up to each.
+        """
+        if not len(senders):
+            return []
+        self._make_room(int(senders.max()) + 1)
+        return _Reports(self, senders, size, t, lost).breaks()
 
-    def end(self, found: Break) -> None:
-        """Begin anew behind a break."""
-        self.first, self.usual, self._open = found.stop, found.period, found
+    def silences(self, until: Array) -> list[tuple[int, Break]]:
+        """Return the breaks that last until now, each with its sender; `until` is that time for each of all."""
+        some = np.flatnonzero((self.count > 0) & (until - self.last > self.least))
+        if not len(some):
+            return []
+        none = np.empty(0, np.int64)
+        usual = _Reports(self, some, np.zeros(len(some), np.int64), none, none).usual()
+        silent = [(k, self._silent(k, until.item(k), period)) for k, period in zip(some.tolist(), usual, strict=True)]
+        return [(k, found) for k, found in silent if found is not None]
 
-    def settle(self, t: Array, lost: Array) -> None:
+    def settle(self, sender: int, t: Array, lost: Array) -> None:
         """Tell by the report behind the one that ended a break whether the pace changed; these are the first."""
-        one = self._open
+        one = self._open.get(sender)
         if one is None or len(t) < 2:
             return
         took, after = one.stop - one.start, int(t[1] - t[0])
         one.lowered = one.kept and bool(lost[1] == lost[0]) and took <= _ALIKE * after <= _ALIKE**2 * took
         if one.lowered:
-            self.usual = float(took)
-        self._open = None
+            self.usual[sender] = took
+        del self._open[sender]
+
+    def waiting(self, senders: Array) -> list[int]:
+        """Return the places of senders with a break of which it is not known whether the pace changed."""
+        return [k for k, sender in enumerate(senders.tolist()) if sender in self._open] if self._open else []
+
+    def end(self, sender: int, found: Break) -> None:
+        """Begin anew behind a break."""
+        self.first[sender], self.usual[sender], self._open[sender] = found.stop, found.period, found
+
+    def _silent(self, sender: int, now: int, usual: float) -> Break | None:
+        """Return the break that lasts until now if the period is the usual one, if there is one."""
+        before, last = self._open.get(sender), self.last.item(sender)
+        slower = before.stop - before.start if before is not None and before.kept else 0
+        longest = max(usual, slower) if slower <= _SLOWEST else usual
+        if not usual or now - last <= max(self.least, self.periods * longest):
+            return None
+        return Break(last, now, float(usual), -1, lowered=False)
+
+    def _make_room(self, count: int) -> None:
+        more = count - len(self.count)
+        if more > 0:
+            self.first = np.append(self.first, np.full(more, NO_TIME))
+            self.usual = np.append(self.usual, np.zeros(more))
+            self.count = np.append(self.count, np.zeros(more, np.int64))
+            room = np.zeros((more, _KEPT), np.int64)
+            self.t, self.lost = np.concatenate((self.t, room)), np.concatenate((self.lost, room))
 
 
 class _Reports:
     """New reports of many senders, each with those before them that count: one sender after the other."""
 
-    t: Array
-    lost: Array
-    start: Array
-    stop: Array
-    new: Array
+    def __init__(self, paced: PacedReports, senders: Array, size: Array, t: Array, lost: Array) -> None:
+        self._paced, self._senders = paced, senders
+        old = paced.count[senders]
+        self.stop = np.cumsum(old + size)
+        self.start = self.stop - size - old
+        self.new = self.stop - size
+        self._of = np.repeat(np.arange(len(senders)), old + size)
+        known = np.arange(_KEPT) >= _KEPT - old[:, None]
+        fresh = np.repeat(np.tile((False, True), len(senders)), np.stack((old, size), axis=1).ravel())
+        self.t, self.lost = np.empty((2, len(fresh)), np.int64)
+        for column, before, new in ((self.t, paced.t, t), (self.lost, paced.lost, lost)):
+            column[fresh], column[~fresh] = new, before[senders][known]
 
-    def __init__(self, senders: Sequence[PacedReports], times: Sequence[Array], lost: Sequence[Array]) -> None:
-        self._senders = senders
-        self.t = np.concatenate([part for one, new in zip(senders, times, strict=True) for part in (one.t, new)])
-        self.lost = np.concatenate([part for one, new in zip(senders, lost, strict=True) for part in (one.lost, new)])
-        old = np.array([len(one.t) for one in senders], np.int64)
-        size = old + np.array([len(new) for new in times], np.int64)
-        self.stop = np.cumsum(size)
-        self.start = self.stop - size
-        self.new = self.start + old
-        self._of = np.repeat(np.arange(len(senders)), size)
-
-    def breaks(self) -> list[list[Break]]:
-        """Return the breaks of each sender."""
-        found: list[list[Break]] = [[] for _ in self._senders]
-        last = zip(np.maximum(self.new - 1, self.start).tolist(), self.start.tolist(), self.stop.tolist(), strict=True)
-        for one, (at, start, stop) in zip(self._senders, last, strict=True):
-            one.first = int(self.t[start]) if one.first == NO_TIME else one.first
-            one.settle(self.t[at:stop], self.lost[at:stop])
-        begin, ahead = self.start.copy(), np.full(len(self.start), _AHEAD)
+    def breaks(self) -> list[tuple[int, Break]]:
+        """Return the breaks of each sender, with its place."""
+        paced, senders = self._paced, self._senders
+        begun = paced.first[senders]
+        paced.first[senders] = np.where(begun == NO_TIME, self.t[self.start], begun)
+        for k in paced.waiting(senders):
+            here = slice(max(self.new.item(k) - 1, self.start.item(k)), self.stop.item(k))
+            paced.settle(senders.item(k), self.t[here], self.lost[here])
+        found: list[tuple[int, Break]] = []
+        least = max(_AHEAD, min(_TOGETHER // len(self.start), _MOST_AHEAD))
+        begin, ahead = self.start.copy(), np.full(len(self.start), least)
         rows, short = self._long()
         while len(rows):
             of = self._of[rows]
@@ -223,21 +234,21 @@ class _Reports:
                 k = self._of.item(row)
                 since, until, stop = self.t.item(row), self.t.item(row + 1), self.stop.item(k)
                 kept = bool(self.lost[row + 1] == self.lost[row])
-                found[k].append(Break(since, until, period, max(row - self.new.item(k), -1), kept))
-                self._senders[k].end(found[k][-1])
-                self._senders[k].settle(self.t[row + 1 : stop], self.lost[row + 1 : stop])
+                found.append((k, Break(since, until, period, max(row - self.new.item(k), -1), kept)))
+                paced.end(senders.item(k), found[-1][1])
+                paced.settle(senders.item(k), self.t[row + 1 : stop], self.lost[row + 1 : stop])
                 begin[k], over[k] = row + 1, True
-            ahead = np.where(over, _AHEAD, np.minimum(2 * ahead, _MOST_AHEAD))
+            ahead = np.where(over, least, np.minimum(2 * ahead, _MOST_AHEAD))
             left = np.where(over[of], rows >= begin[of], ~next_)
             rows, short = rows[left], short[left]
-        for one, *places in zip(self._senders, begin.tolist(), self.stop.tolist(), strict=True):
-            here = slice(max(places[0], places[1] - MEMORY - 1), places[1])
-            one.t, one.lost = self.t[here].copy(), self.lost[here].copy()
-        return found
+        paced.count[senders] = np.minimum(self.stop - begin, _KEPT)
+        last = np.maximum(self.stop[:, None] + np.arange(-_KEPT, 0), 0)
+        paced.t[senders], paced.lost[senders] = self.t[last], self.lost[last]
+        return sorted(found, key=itemgetter(0))
 
     def _first_breaks(self, rows: Array, short: Array, begin: Array) -> list[tuple[int, float]]:
         """Return the first break of each sender among some rows, and the period before it."""
-        of, numbers = self._of[rows], self._senders[0]
+        of, numbers = self._of[rows], self._paced
         usual = self._usual(rows, begin[of], short)
         latest = np.maximum(self.t[rows], self.t[np.maximum(rows - 1, self.start[of])])  # one may be stamped too early
         limit = np.maximum(numbers.least, numbers.periods * usual)
@@ -247,7 +258,7 @@ class _Reports:
 
     def _long(self) -> tuple[Array, Array]:
         """Return what may be breaks, and whether each is too short to be one behind many reports at a pace."""
-        numbers, took = self._senders[0], np.diff(self.t, append=self.t[-1])
+        numbers, took = self._paced, np.diff(self.t, append=self.t[-1])
         took[self.stop - 1] = 0
         if not (took > numbers.least).any():  # mostly nobody pauses
             return np.zeros(0, np.int64), np.zeros(0, bool)
@@ -256,7 +267,7 @@ class _Reports:
         gone[self.stop - 1] = 0
         single = took / (1 + gone)  # from one report to the next, lost or not
         single[self.stop - 1] = np.inf
-        usual = np.array([one.usual for one in self._senders])
+        usual = numbers.usual[self._senders]
         shortest = np.minimum.reduceat(single, self.start)
         floor = np.maximum(numbers.least, numbers.periods * np.where(usual > 0, np.minimum(shortest, usual), shortest))
         far = (took > floor[of]) & (np.arange(len(took)) >= self.new[of] - 1)
@@ -278,10 +289,9 @@ class _Reports:
 
         While they are few it is that from before the break; none if many go before a time behind it that is `short`.
         """
-        numbers, of = self._senders[0], self._of[rows]
-        first = np.array([one.first for one in self._senders], np.int64)[of]
-        lasted = self.t[rows] - first >= numbers.span
-        usual = np.array([one.usual for one in self._senders])[of]
+        numbers, who = self._paced, self._senders[self._of[rows]]
+        lasted = self.t[rows] - numbers.first[who] >= numbers.span
+        usual = numbers.usual[who]
         usual[short & lasted & (rows - begin >= MEMORY)] = 0.0
         asked = np.flatnonzero(lasted & ~(short & (rows - begin >= MEMORY)) & (rows - begin + 1 >= numbers.fewest))
         for at in range(0, len(asked), _AT_ONCE):

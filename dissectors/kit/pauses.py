@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit.clock import times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from dissectors.kit.array import Array
     from dissectors.kit.view import View
@@ -21,18 +22,31 @@ _FEW = 16
 _AT_ONCE = 1 << 16  # of questions and silences that are compared together
 
 
-class _Silences(NamedTuple):
-    """When the silences of a bus began, and when they ended; whether no clock was set back between them.
+class _Silences:
+    """When the silences of a bus began, and when they ended: two rows of `columns`."""
 
-    The lists are the two `columns`: among few numbers they are faster. `rooms` and `sizes` are for what is worked out.
-    """
+    def __init__(self, columns: Array) -> None:
+        self.columns = columns
 
-    columns: Array
-    begins: list[int]
-    ends: list[int]
-    in_order: bool
-    rooms: Array
-    sizes: Array
+    @cached_property
+    def begins(self) -> list[int]:
+        """When they began: among few numbers lists are faster."""
+        return list(self.columns[0].tolist())
+
+    @cached_property
+    def ends(self) -> list[int]:
+        """When they ended."""
+        return list(self.columns[1].tolist())
+
+    @cached_property
+    def in_order(self) -> bool:
+        """True if no clock was set back between them."""
+        return bool((self.columns[:, 1:] >= self.columns[:, :-1]).all())
+
+    @cached_property
+    def rooms(self) -> tuple[Array, Array]:
+        """Room for what is worked out of both columns, and of how long silences last."""
+        return np.empty_like(self.columns), np.empty(len(self.columns[0]))
 
     def between(self, start: int, stop: int) -> tuple[int, int]:
         """Return the first silence that may reach into some time, and the one behind the last."""
@@ -51,12 +65,16 @@ class _Silences(NamedTuple):
 
     def sum(self, some: slice, start: int, stop: int, spare: float) -> float:
         """Return how long they last together."""
-        until, since = (room[some] for room in self.rooms)
+        rooms, sizes = self.rooms
+        until, since = (room[some] for room in rooms)
         np.minimum(self.columns[1, some], stop, out=until)
         np.maximum(self.columns[0, some], start, out=since)
-        parts = np.subtract(until, since, out=self.sizes[some])
+        parts = np.subtract(until, since, out=sizes[some])
         parts -= spare
         return float(np.maximum(parts, 0.0, out=parts).sum())
+
+
+_NONE = _Silences(np.empty((2, 0), np.int64))
 
 
 class Pauses:
@@ -69,8 +87,7 @@ class Pauses:
     def __init__(self, least: int) -> None:
         self._least = least
         self.last: dict[int, int] = {}
-        self._known: dict[int, list[tuple[int, int]]] = {}
-        self._columns: dict[int, _Silences] = {}  # the same, once somebody asks
+        self._known: dict[int, _Silences] = {}
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -78,10 +95,10 @@ class Pauses:
             bus, t = one.bus, one.t
             last = self.last.get(bus, int(t[0]))
             if int(t[0]) - last > self._least:
-                self._add(bus, [(last, int(t[0]))])
+                self._add(bus, np.array([[last], [t[0]]]))
             if one.longest > self._least:
                 at = np.flatnonzero(t[1:] - t[:-1] > self._least)[-_MOST:]
-                self._add(bus, zip(t[at].tolist(), t[at + 1].tolist(), strict=True))
+                self._add(bus, np.stack((t[at], t[at + 1])))
             self.last[bus] = int(t[-1])
 
     def first(self, bus: int, start: int, stop: int) -> int:
@@ -108,6 +125,11 @@ class Pauses:
         """
         begins, ends = self._both(bus).columns
         found = np.zeros(len(least), bool)
+        if not len(least):
+            return found
+        if spare.min() >= 0:  # then only what reaches into some of the times counts
+            near = (begins < stop.max()) & (ends > start.min())
+            begins, ends = begins[near], ends[near]
         size = max(_AT_ONCE // max(len(begins), 1), 1)
         for at in range(0, len(least), size):
             some = slice(at, at + size)
@@ -118,16 +140,8 @@ class Pauses:
         return found
 
     def _both(self, bus: int) -> _Silences:
-        if bus not in self._columns:
-            columns = np.array(self._known.get(bus, ()), np.int64).reshape(-1, 2).T.copy()
-            in_order = bool((np.diff(columns) >= 0).all())
-            begins, ends = columns.tolist()
-            rooms, sizes = np.empty_like(columns), np.empty(len(begins))
-            self._columns[bus] = _Silences(columns, begins, ends, in_order, rooms, sizes)
-        return self._columns[bus]
+        return self._known.get(bus, _NONE)
 
-    def _add(self, bus: int, silences: Iterable[tuple[int, int]]) -> None:
-        known = self._known.setdefault(bus, [])
-        known.extend(silences)
-        del known[:-_MOST]
-        self._columns.pop(bus, None)
+    def _add(self, bus: int, silences: Array) -> None:
+        known = np.concatenate((self._both(bus).columns, silences), axis=1)
+        self._known[bus] = _Silences(known[:, -_MOST:].copy())

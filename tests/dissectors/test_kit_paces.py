@@ -35,8 +35,20 @@ def made(kinds: list[tuple[int, int, int]]) -> tuple[Any, Any]:
     return np.cumsum(np.concatenate(apart)).astype(np.int64), np.cumsum(np.concatenate(lost)).astype(np.int64)
 
 
-def sender() -> PacedReports:
+def paced() -> PacedReports:
     return PacedReports(100 * MILLISECOND, 5, 4, 2 * SECOND)
+
+
+def breaks(paced: PacedReports, parts: list[tuple[Any, Any]]) -> list[list[Break]]:
+    """What is found of each sender whose next reports these are."""
+    found: list[list[Break]] = [[] for _ in parts]
+    senders = [k for k, (t, _) in enumerate(parts) if len(t)]
+    some = [parts[k] for k in senders]
+    if some:
+        t, lost = map(np.concatenate, zip(*some, strict=True))
+        for k, one in paced.feed(np.array(senders), np.array([len(t) for t, _ in some]), t, lost):
+            found[senders[k]].append(one)
+    return found
 
 
 def said(one: Break | None) -> object:
@@ -48,26 +60,26 @@ def said(one: Break | None) -> object:
 @given(st.lists(REPORTS, min_size=1, max_size=4), st.data())
 def test_together_and_piece_by_piece_they_break_where_each_breaks_alone(kinds: Any, data: st.DataObject) -> None:
     reports = [made(one) for one in kinds]
-    alone = [sender() for _ in reports]
-    expected = [one.feed(t, lost) for one, (t, lost) in zip(alone, reports, strict=True)]
-    together = [sender() for _ in reports]
+    alone = [paced() for _ in reports]
+    expected = [breaks(one, [whole])[0] for one, whole in zip(alone, reports, strict=True)]
+    together = paced()
     found: list[list[Break]] = [[] for _ in reports]
     cuts = [sorted(data.draw(st.lists(st.integers(0, len(t)), min_size=2, max_size=2))) for t, _ in reports]
     begins, ends = zip(*cuts, strict=True)
     for first, last in (([0] * len(cuts), begins), (begins, ends), (ends, [None] * len(cuts))):
         parts = [(t[a:b], lost[a:b]) for (t, lost), a, b in zip(reports, first, last, strict=True)]
-        breaks = PacedReports.feed_all(together, [t for t, _ in parts], [lost for _, lost in parts])
-        for known, new in zip(found, breaks, strict=True):
+        for known, new in zip(found, breaks(together, parts), strict=True):
             known.extend(new)
     assert [list(map(said, one)) for one in found] == [list(map(said, one)) for one in expected]
-    until = [one.last + 30 * SECOND for one in alone]
-    silent = PacedReports.silences(together, until)
-    assert list(map(said, silent)) == [said(one.silence(now)) for one, now in zip(alone, until, strict=True)]
+    until = together.last + 30 * SECOND
+    silent = dict(together.silences(until))
+    for k, one in enumerate(alone[: len(until)]):
+        assert said(silent.get(k)) == said(dict(one.silences(until[k : k + 1])).get(0) if len(one.last) else None)
 
 
 def test_a_break_is_told_with_the_period_before_it() -> None:
     times = [*range(40), *range(60, 100)]
-    found = sender().feed(np.array(times, np.int64) * SECOND // 10, np.zeros(len(times), np.int64))
+    (found,) = breaks(paced(), [(np.array(times, np.int64) * SECOND // 10, np.zeros(len(times), np.int64))])
     assert [(one.start, one.stop, one.period, one.at) for one in found] == [
         (39 * SECOND // 10, 6 * SECOND, SECOND / 10, 39)
     ]
@@ -75,7 +87,7 @@ def test_a_break_is_told_with_the_period_before_it() -> None:
 
 def test_several_close_together_are_one_round() -> None:
     rounds = [second * SECOND + k * MILLISECOND for second in (*range(9), *range(20, 29)) for k in range(4)]
-    found = sender().feed(np.array(rounds, np.int64), np.zeros(len(rounds), np.int64))
+    (found,) = breaks(paced(), [(np.array(rounds, np.int64), np.zeros(len(rounds), np.int64))])
     assert [(one.start, one.stop, one.period) for one in found] == [
         (8 * SECOND + 3 * MILLISECOND, 20 * SECOND, float(SECOND))
     ]

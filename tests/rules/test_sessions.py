@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from analyzer.rules.bus import sessions
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
 from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import Session, bus_frames, first_rows, first_transfers
+from analyzer.rules.bus.sessions import Session, bus_frames, first_rows
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
 
@@ -90,9 +90,12 @@ def test_gaps_of_nodes(rows: list[Heard], step: int) -> None:
 def test_transfers_begin(rows: list[Heard], step: int) -> None:
     sessions, found = HeardSessions(), {}
     for frames in tables(rows, step):
-        for session, begun in sessions.feed(frames):
-            columns = (column.tolist() for column in begun)
-            found[session] = found.get(session, []) + list(zip(*columns, strict=True))
+        for begun in sessions.feed(frames):
+            heard = list(zip(*(column.tolist() for column in (begun.t, begun.number, begun.lost)), strict=True))
+            each = zip(map(Session.of, begun.codes.tolist()), begun.place.tolist(), pairwise(begun.first), strict=True)
+            for session, place, some in each:
+                found.setdefault(session, []).extend(heard[slice(*some)])
+                assert list(found)[place] == session
     expected: dict[Session, list[tuple[int, int, int]]] = {}
     last: dict[Session, tuple[bool, int, int]] = {}
     for k, one in enumerate(rows):
@@ -137,7 +140,6 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
                 expected.append((session, k))
     codes, found = first_rows(TransferTable(batch), good, most, services=services)
     assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == expected
-    assert dict(first_transfers(TransferTable(batch))) == dict(reversed(list(_messages(rows))))
 
 
 def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import MOST_SESSIONS, Session, bus_frames
+from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
 from dissectors.kit import groups
+from dissectors.kit.order import spans
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -19,13 +20,22 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
+_MOST_PARTS = 64  # of a node, in which they came: then these become one
 _NODE_BITS, _NODE = 7, 0x7F  # below the bus
 _AT_ONCE = 256  # times that are compared with them together
 
 
 class SessionBegins(NamedTuple):
-    """Transfers of a session as they begin: times, numbers of frames, and how many were left out by their IDs."""
+    """Transfers of the sessions of a bus as they begin, one session after the other; of each there is one at least.
 
+    A session has its code, its `place` among all that were ever heard, and where it begins among the transfers; behind
+    the last one is where it ends. These have times, numbers of frames, and how many were left out by their IDs up to
+    there.
+    """
+
+    codes: Array
+    place: Array
+    first: Array
     t: Array
     number: Array
     lost: Array
@@ -47,28 +57,22 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap.
-    _gaps: Array = field(default_factory=lambda: np.empty((3, 0), np.int64))
+    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap, first as they came.
+    _new: list[Array] = field(default_factory=lambda: [np.empty((3, 0), np.int64)])
     _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
 
     @property
-    def begins(self) -> Array:
-        """When gaps begin."""
-        found: Array = self._gaps[0]
-        return found
-
-    @property
-    def ends(self) -> Array:
-        """When gaps end."""
-        found: Array = self._gaps[1]
-        return found
+    def gaps(self) -> Array:
+        """Begin and end of the latest gaps, and the number of the frame before each: a column a gap."""
+        if len(self._new) > 1:
+            self._new = [np.concatenate(self._new, axis=1)[:, -_MOST_GAPS:].copy()]
+        return self._new[0]
 
     def add(self, gaps: Array) -> None:
         """Note more gaps; the oldest ones are forgotten."""
-        known = np.concatenate((self._gaps, gaps), axis=1)
-        self._gaps = known if known.shape[1] <= _MOST_GAPS else known[:, -_MOST_GAPS:].copy()
-        if self._lines:
-            oldest = self._gaps[2, 0]
+        self._new.append(gaps)
+        if self._lines or len(self._new) > _MOST_PARTS:
+            oldest = self.gaps[2, 0]
             self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
     def pause(self, until: int) -> None:
@@ -79,12 +83,13 @@ class HeardNode:
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
-        inside = self._gaps[:, (self.begins >= start) & (self.ends <= stop)].T.tolist()
+        gaps = self.gaps
+        inside = gaps[:, (gaps[0] >= start) & (gaps[1] <= stop)].T.tolist()
         return [Gap(begin, end, number, self._lines.get(number, ())) for begin, end, number in inside]
 
     def longest(self, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return when the longest gap between each two times begins and ends, the second time where there is none."""
-        begins, ends = self.begins, self.ends
+        begins, ends, _ = self.gaps
         if not len(begins):
             return stop, stop
         found = stop.copy(), stop.copy()
@@ -99,7 +104,7 @@ class HeardNode:
     def silent(self, t: Array) -> Array:
         """Return which times lie in a gap; gaps do not overlap, unless a clock was set back."""
         found = np.zeros(len(t), bool)
-        for start, stop in self._gaps[:2].T.tolist():
+        for start, stop, _ in self.gaps.T.tolist():
             found |= (start <= t) & (t < stop)
         return found
 
@@ -145,17 +150,20 @@ class HeardNodes:
             self._add(bus, frames.first, ours)
 
     def _add(self, bus: int, start: int, ours: BusFrames) -> None:
-        gaps, nodes = dict(ours.gaps(self._least, _MOST_GAPS, start)), ours.nodes
-        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last
-        for k, (node, t, until, last) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        gaps, nodes = ours.gaps(self._least, _MOST_GAPS), ours.nodes
+        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last + start
+        who = []
+        for node, t, until, last in zip(*(column.tolist() for column in columns), strict=True):
             heard = self._nodes.get((bus, node))
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
                 heard.pause(t)
-            if k in gaps:
-                heard.add(np.stack(gaps[k]))
-            heard.t, heard.number, heard.lines = until, start + last, ()
+            heard.t, heard.number, heard.lines = until, last, ()
+            who.append(heard)
+        each = np.stack((gaps.since, gaps.until, gaps.row + start))
+        for k, begin, end in spans(gaps.of):
+            who[k].add(each[:, begin:end].copy())
 
 
 class HeardSessions:
@@ -165,29 +173,43 @@ class HeardSessions:
     """
 
     def __init__(self) -> None:
-        self._last = KeyedRows({"goes_on": 0, "transfer_id": -1, "lost": 0}, MOST_SESSIONS)
+        self._last = KeyedRows({"place": -1, "goes_on": 0, "transfer_id": -1, "lost": 0}, MOST_SESSIONS)
 
-    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, SessionBegins]]:
-        """Add a batch; yield what began of each session."""
+    def places(self, codes: Array) -> Array:
+        """Return the places of sessions among all that were heard, by their codes; -1 for others."""
+        return self._last.look_up("place", codes)
+
+    def feed(self, frames: FrameTable) -> Iterator[SessionBegins]:
+        """Add a batch; yield what began on each bus."""
         for ours in bus_frames(frames).values():
             at, first = ours.begins
             transfer_id = (ours.tail[at] & TAIL_ID).astype(np.int64)
             lost = np.zeros(len(at), np.int64)
             np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
-            t, number = ours.times[ours.row[at]], frames.first + ours.row[at]
             some = ours.messages[~ours.beyond(ours.messages, self._last)]
             codes = ours.codes[some]
-            self._last.add(codes)
-            rows = self._last.find(codes)
-            going, before, left = (self._last.get(name, rows) for name in ("goes_on", "transfer_id", "lost"))
+            rows = self._known(codes)
+            place, going, before, left = self._last.cells(rows)
             goes_on = (going != 0) & (ours.tail[ours.first[some]] & TAIL_START == 0)
             begin, end = first[some] + goes_on, first[some + 1]
-            self._last.set(codes, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
+            self._last.put(rows, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
             new = np.flatnonzero(begin < end)
-            codes, begin, end, before, left = (column[new] for column in (codes, begin, end, before, left))
-            missed = np.maximum((transfer_id[begin] - before) % TRANSFER_IDS - 1, 0)
-            left += np.where(before >= 0, missed, 0) - lost[begin]
-            self._last.set(codes, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
-            for code, low, high, more in zip(*(one.tolist() for one in (codes, begin, end, left)), strict=True):
-                mine = slice(low, high)
-                yield Session.of(code), SessionBegins(t[mine], number[mine], lost[mine] + more)
+            rows, codes, place, begin, end = (column[new] for column in (rows, codes, place, begin, end))
+            missed = np.maximum((transfer_id[begin] - before[new]) % TRANSFER_IDS - 1, 0)
+            left = left[new] + np.where(before[new] >= 0, missed, 0) - lost[begin]
+            self._last.put(rows, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
+            stop = np.cumsum(end - begin)
+            begun = np.arange(stop[-1] if len(stop) else 0) + np.repeat(end - stop, end - begin)
+            number, more = ours.row[at[begun]], np.repeat(left, end - begin)
+            yield SessionBegins(
+                codes, place, np.append(0, stop), ours.times[number], frames.first + number, lost[begun] + more
+            )
+
+    def _known(self, codes: Array) -> Array:
+        """Return the rows of sessions, which are there from now on."""
+        rows = self._last.find(codes)
+        new = np.flatnonzero(rows < 0)
+        if not len(new):
+            return rows
+        self._last.add(codes[new], place=np.arange(len(new)) + len(self._last))
+        return self._last.find(codes)

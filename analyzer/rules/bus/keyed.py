@@ -55,13 +55,20 @@ class KeyedRows:
         found[known] = self._columns[name][rows[known]]
         return found
 
+    def cells(self, rows: Array) -> list[Array]:
+        """Return the cells of all columns, in their order, at rows of keys that are known."""
+        return [column[rows] for column in self._columns.values()]
+
     def look_up(self, name: str, keys: Array) -> Array:
         """Return the cells of a column of some keys."""
         return self.get(name, self.find(keys))
 
     def set(self, keys: Array, **cells: Array) -> None:
         """Set cells of keys that are known."""
-        rows = self.find(keys)
+        self.put(self.find(keys), **cells)
+
+    def put(self, rows: Array, **cells: Array) -> None:
+        """Set cells at rows of keys that are known."""
         for name, values in cells.items():
             self._columns[name][rows] = values
 

@@ -13,7 +13,7 @@ from analyzer.tables import EXTENDED, KINDS, REMOTE, TAIL_END, TAIL_START
 from dissectors.kit import times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from analyzer.rules.bus.keyed import KeyedRows
     from dissectors.kit import Array, BusTimes, FrameTable, TransferTable
@@ -24,6 +24,8 @@ _KEY_BITS = 17
 _KEY = _TYPE = (1 << _KEY_BITS) - 1
 _NODE = 0x7F
 CODE_BITS = 24  # below the bus
+_ROW_BITS = 40
+_ROW = (1 << _ROW_BITS) - 1
 _MESSAGE, _REQUEST, _RESPONSE = (KINDS.index(name) for name in ("message", "request", "response"))
 
 
@@ -64,6 +66,18 @@ class NodeRows(NamedTuple):
     last: Array
 
 
+class NodeGaps(NamedTuple):
+    """Times in which nodes have no frame, those of a node in their order.
+
+    `of` is the place of the node among those of the batch, `row` that of the frame in front.
+    """
+
+    of: Array
+    since: Array
+    until: Array
+    row: Array
+
+
 class BusFrames:
     """Frames of a bus in a batch that have a time and a sender, one session after the other.
 
@@ -80,7 +94,6 @@ class BusFrames:
         self.tail = frames.tail[self.row]
         self.times, self.forward = frames.t, times.steady
         self.first = np.append(first, len(keys))
-        self._turns: dict[int, tuple[Array, Array]] = {}
         begin = keys[self.place[first]].astype(np.int64)
         self.codes = _codes(times.bus, begin >> _KEY_BITS, begin & _KEY)
         self.messages = np.flatnonzero(begin & 1 == 0)
@@ -119,28 +132,21 @@ class BusFrames:
         found[new[: held.room]] = False
         return found
 
-    def gaps(self, least: int, most: int, start: int) -> Iterator[tuple[int, tuple[Array, Array, Array]]]:
-        """Yield times in which nodes have no frame: since when, until when, the number of the frame before.
-
-        They come with the place of their node among `nodes`.
-
-        Args:
-            least: shorter times are left out.
-            most: so many of a node, the last ones.
-            start: the number of the first row.
-        """
-        for k in np.flatnonzero(~self._without_gaps(least)).tolist():
-            rows, t = self._in_turn(k)
-            at = np.flatnonzero(t[1:] - t[:-1] > least)[-most:]
-            if len(at):
-                yield k, (t[at], t[at + 1], rows[at] + start)
-
-    def _in_turn(self, k: int) -> tuple[Array, Array]:
-        """Return the rows of a node in their order, and their times."""
-        if k not in self._turns:
-            rows = np.sort(self.row[self.nodes.begin[k] : self.nodes.end[k]])
-            self._turns[k] = rows, self.times[rows]
-        return self._turns[k]
+    def gaps(self, least: int, most: int) -> NodeGaps:
+        """Return times in which nodes have no frame, those longer than `least`: so many of a node, the last ones."""
+        some = np.flatnonzero(~self._without_gaps(least))
+        begin, size = self.nodes.begin[some], self.nodes.end[some] - self.nodes.begin[some]
+        of = np.repeat(np.arange(len(some)), size)
+        stop = np.cumsum(size)
+        rows = self.row[np.arange(len(of)) + np.repeat(begin + size - stop, size)]
+        in_turn = of << _ROW_BITS | rows
+        in_turn.sort()
+        rows = in_turn & _ROW
+        t = self.times[rows]
+        at = np.flatnonzero((t[1:] - t[:-1] > least) & (of[1:] == of[:-1]))
+        if len(at) > most:
+            at = at[np.searchsorted(of[at], of[at], "right") - np.arange(len(at)) <= most]
+        return NodeGaps(some[of[at]], t[at], t[at + 1], rows[at])
 
     @cached_property
     def _begun(self) -> Array:
@@ -163,6 +169,8 @@ class BusFrames:
         nodes, first = self.nodes, self.begins[1]
         if not self.forward:
             return np.zeros(len(nodes.node), bool)
+        if self.times[nodes.last.max()] - self.times[nodes.first.min()] <= least:
+            return np.ones(len(nodes.node), bool)
         early = self._begun[first[:-1]] - self.times[nodes.first][nodes.of_session] <= least
         late = self.times[nodes.last][nodes.of_session] - self._begun[first[1:] - 1] <= least
         found = np.zeros(len(nodes.node), bool)
@@ -189,12 +197,6 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
                 found[one.bus] = BusFrames(one, frames, rows)
         _known[frames] = found
     return found
-
-
-def first_transfers(t: TransferTable) -> Iterator[tuple[Session, int]]:
-    """Yield the first message of each session: the session and its row."""
-    codes, rows = first_rows(t)
-    yield from zip(map(Session.of, codes.tolist()), rows.tolist(), strict=True)
 
 
 def first_rows(

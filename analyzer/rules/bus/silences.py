@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 OFFLINE = 3 * SECOND  # after which others take a node as offline
 _NODES = 128
+_ROW_BITS = 40  # below the node
 _THEN = ("node still sends", "then the node was silent")
 
 
@@ -29,9 +30,12 @@ class StatusSilences(Rule):
     def __init__(self) -> None:
         self._nodes: HeardNodes | None = None
         self._first: dict[int, Occurrence] = {}
-        self._status: dict[int, Occurrence] = {}
-        self._active: Array = np.full(0, NO_TIME)
-        self._woke: Array = np.full(0, NO_TIME)  # when each node first spoke since the last gap of the capture
+        self._status: dict[int, tuple[int, ...]] = {}  # frames of the last NodeStatus
+        # Of each node, `NO_TIME` without: when its last NodeStatus came, and the number of its first frame,
+        self._since: Array = np.full(0, NO_TIME)
+        self._lead: Array = np.full(0, NO_TIME)
+        self._active: Array = np.full(0, NO_TIME)  # when it last spoke,
+        self._woke: Array = np.full(0, NO_TIME)  # and when it first did since the last gap of the capture
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield silences that ended."""
@@ -39,51 +43,60 @@ class StatusSilences(Rule):
         self._nodes.feed(view.frames)
         t = view.transfers
         code = t.bus.astype(np.int64) * _NODES + t.src
-        new = len(view.buses) * _NODES - len(self._active)
-        before = self._active = np.concatenate((self._active, np.full(max(new, 0), NO_TIME)))
+        new = np.full(max(len(view.buses) * _NODES - len(self._active), 0), NO_TIME)
+        if len(new):
+            self._since, self._lead, self._active, self._woke = (
+                np.append(known, new) for known in (self._since, self._lead, self._active, self._woke)
+            )
+        before = self._active
         self._active = before.copy()
         timed = np.flatnonzero(t.t != NO_TIME)
         self._active[code[timed]] = t.t[timed]
-        self._woke = np.concatenate((self._woke, np.full(max(new, 0), NO_TIME)))
         self._wake(view, code)
         for node in np.flatnonzero((before == NO_TIME) & (self._active != NO_TIME)).tolist():
             if node % _NODES:
                 row = int(timed[np.argmax(code[timed] == node)])
                 self._first[node] = _place(view, row, view.type_name(int(t.code[row])))
         table = view.table(NODE_STATUS)
-        reports = np.empty(0, np.int64) if table is None else table.row[table.trusted & (table.t != NO_TIME)]
-        reports = reports[np.argsort(t.lead[reports], kind="stable")]
-        of_node: dict[int, Array] = {}
-        for node, places in groups(code[reports]):
-            rows = reports[places]
-            known = self._status.get(node)
-            rows = rows if known is None else rows[t.lead[rows] > known.frames[0]]  # some come out late
-            if not len(rows):
-                continue
-            before_each = np.append(int(t.t[rows[0]]) if known is None else known.t, t.t[rows[:-1]])
-            late = np.flatnonzero(t.t[rows] - before_each > view.number("BUS-020", "late_s") * SECOND)
-            if len(late):
-                of_node = of_node or {one: timed[mine] for one, mine in groups(code[timed])}
-                own = of_node[node]
-                sent = np.searchsorted(own, rows[late])
-                active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
-                start, owes = self._owes(view, node, before_each[late], active)
-                late = late[owes]
-                for k, silence in self._silences(view, node, start[owes], active[owes], t.t[rows[late]]):
-                    at = late.item(k)
-                    last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
+        if table is not None:
+            reports = table.row[table.trusted & (table.t != NO_TIME)]
+            reports = reports[np.lexsort((t.lead[reports], code[reports]))]
+            reports = reports[t.lead[reports] > self._lead[code[reports]]]  # some come out late
+            yield from self._report(view, reports, code, timed, before)
+
+    def _report(self, view: View, rows: Array, code: Array, timed: Array, before: Array) -> Iterator[Occurrence]:
+        """Yield silences that ended with some NodeStatus, those of a node in their order."""
+        if not len(rows):
+            return
+        t, node = view.transfers, code[rows]
+        first = np.append(True, node[1:] != node[:-1])
+        since = np.append(NO_TIME, t.t[rows[:-1]])
+        since[first] = self._since[node[first]]
+        late = np.flatnonzero((since != NO_TIME) & (t.t[rows] - since > view.number("BUS-020", "late_s") * SECOND))
+        if len(late):
+            active = _last_before(rows[late], code, timed, t.t, before)
+            start, owes = self._owes(view, node[late], since[late], active)
+            late, start, active = late[owes], start[owes], active[owes]
+            for one, some in groups(node[late]):
+                end = t.t[rows[late[some]]]
+                for k, silence in self._silences(view, one, start[some], active[some], end):
+                    at = late.item(some.item(k))
+                    last = self._last(one) if first[at] else _place(view, rows.item(at - 1), NODE_STATUS)
                     yield replace(last, **silence)
-            self._status[node] = _place(view, int(rows[-1]), NODE_STATUS)
+        last_of = np.append(first[1:], True)
+        rows, node = rows[last_of], node[last_of]
+        self._since[node], self._lead[node] = t.t[rows], t.lead[rows]
+        for one, row in zip(node.tolist(), rows.tolist(), strict=True):
+            self._status[one] = tuple(t.frames(row))
 
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Yield silences that lasted to the end, and nodes that never sent a NodeStatus."""
         for node, first in self._first.items():
             active = min(int(self._active[node]), view.before)  # the clock may have been set back since
             if node in self._status:
-                last = self._status[node]
-                start, late = self._owes(view, node, np.array([last.t]), np.array([active]))
+                start, late = self._owes(view, np.array([node]), self._since[[node]], np.array([active]))
                 for _, silence in self._silences(view, node, start[late], np.array([active])[late], view.before):
-                    yield replace(last, **silence)
+                    yield replace(self._last(node), **silence)
             elif active - first.t > OFFLINE:
                 silent = self._then_silent(view, node, (np.array([first.t]), np.array([active])), view.before)
                 values = {"seconds": (active - first.t) / SECOND, "then": _THEN[silent.item(0)]}
@@ -121,14 +134,21 @@ class StatusSilences(Rule):
             told = {"values": values, "severity": severity, "drops": True, "until": min(until, since + OFFLINE)}
             yield k, told
 
-    def _owes(self, view: View, node: int, since: Array, active: Array) -> tuple[Array, Array]:
-        """Return since when a node could have reported again, and whether it was active too long after that.
+    def _owes(self, view: View, node: Array, since: Array, active: Array) -> tuple[Array, Array]:
+        """Return since when nodes could have reported again, and whether they were active too long after that.
 
         It is asked of times of the last NodeStatus, and of those until when the node was active.
         """
-        woke = self._woke.item(node)
-        start = np.maximum(since, np.where(woke <= active, woke, all_resumed(view, active)))
-        return start, (active != NO_TIME) & (active - start > view.number("BUS-020", "late_s") * SECOND)
+        late, start, woke = view.number("BUS-020", "late_s") * SECOND, since.copy(), self._woke[node]
+        some = np.flatnonzero((active != NO_TIME) & (active - since > late))
+        woke, until = woke[some], active[some]
+        start[some] = np.maximum(since[some], np.where(woke <= until, woke, all_resumed(view, until)))
+        return start, (active != NO_TIME) & (active - start > late)
+
+    def _last(self, node: int) -> Occurrence:
+        """Return the last NodeStatus of a node."""
+        bus, src = divmod(node, _NODES)
+        return Occurrence("BUS-020", self._since.item(node), bus, src, NODE_STATUS, self._status[node], {})
 
     def _longest(self, node: int, start: Array, stop: Array) -> tuple[Array, Array]:
         """Return the longest times between two others in which a node was silent."""
@@ -139,6 +159,15 @@ class StatusSilences(Rule):
         begin, stop = self._longest(node, *active)
         silent: Array = end - active[1] > np.maximum(view.number("BUS-020", "late_s") * SECOND, stop - begin)
         return silent
+
+
+def _last_before(rows: Array, code: Array, timed: Array, t: Array, before: Array) -> Array:
+    """Return when the node of each row spoke last in front of it; `before` is when nodes did in front of the batch."""
+    own = timed[np.argsort(code[timed], kind="stable")]
+    at = np.searchsorted(code[own] << _ROW_BITS | own, code[rows] << _ROW_BITS | rows) - 1
+    last = own[np.maximum(at, 0)]
+    found: Array = np.where((at >= 0) & (code[last] == code[rows]), t[last], before[code[rows]])
+    return found
 
 
 def _place(view: View, row: int, name: str) -> Occurrence:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+import numpy as np
+
 from analyzer.facts.node_status import NODE_STATUS
-from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions
-from analyzer.rules.bus.sessions import Session, first_transfers
+from analyzer.rules.bus.heard import Gap, HeardNodes, HeardSessions
+from analyzer.rules.bus.sessions import Session, first_rows
+from analyzer.rules.recent import KEPT
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
-from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.rules.bus.heard import SessionBegins
-    from dissectors.kit import Severity, Values, View
+    from dissectors.kit import Array, Severity, Values, View
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _MOST = 4096  # breaks that wait
@@ -23,6 +24,7 @@ _TOOLS = (126, 127)  # which come and go
 # Types that are not judged: BUS-020 does, and what is sent when somebody asks.
 _LEFT_OUT = (NODE_STATUS, "uavcan.protocol.dynamic_node_id.Allocation")
 _MOSTLY = 0.6  # of a break is the node's silence: the last message and the next one lie up to a period around it
+_SOON_GONE = KEPT // 4  # frames: what is as far back is still there, unless the next batch is three times as long
 _SETTLES = 10 * SECOND  # within which a node that is back sends all its types again
 
 
@@ -37,21 +39,58 @@ class _Doubt(NamedTuple):
     """A break until all is known that may explain it; `gaps` are those of the node that make up most of it."""
 
     session: Session
+    talk: int  # the place of the session
     found: Break
     place: _Place
     gaps: tuple[Gap, ...]
     ends: bool  # not before the capture does
 
 
-@dataclass(slots=True, eq=False)
-class _Talk:
-    """A session so far. `code` is that of its type once a transfer proves that it is DroneCAN's."""
+class _Talks:
+    """Sessions so far, in the order in which they were first heard; of each the last report, and what it is.
 
-    pace: PacedReports
-    number: int = -1  # of the first frame of the last transfer
-    lines: tuple[str, ...] = ()
-    code: int = -1
-    unproved: list[_Doubt] = field(default_factory=list)
+    `code` is that of its type once a transfer proves that it is DroneCAN's, else -1. The first frame of the last
+    transfer has its `number`, and lines once it is about to be forgotten.
+    """
+
+    def __init__(self) -> None:
+        self.session: Array = np.empty(0, np.int64)
+        self.code: Array = np.empty(0, np.int64)
+        self.number: Array = np.empty(0, np.int64)
+        self._has_lines: Array = np.empty(0, bool)
+        self._lines: dict[int, tuple[str, ...]] = {}
+
+    def add(self, places: Array, codes: Array) -> None:
+        """Add those that are new."""
+        new = places >= len(self.code)
+        if new.any():
+            none = np.full(np.count_nonzero(new), -1)
+            self.session = np.append(self.session, codes[new])
+            self.code, self.number = np.append(self.code, none), np.append(self.number, none)
+            self._has_lines = np.append(self._has_lines, none > 0)
+
+    def end(self, places: Array, numbers: Array) -> None:
+        """Set the last reports of some."""
+        self.number[places] = numbers
+        old = places[self._has_lines[places]]
+        self._has_lines[old] = False
+        for place in old.tolist():
+            del self._lines[place]
+
+    def keep_lines(self, view: View) -> None:
+        """Keep the last frames of those that are silent: they may be gone when that is told."""
+        first = view.frames.first
+        old = (self.number < min(first, first + len(view.frames) - _SOON_GONE)) & ~self._has_lines
+        places = np.flatnonzero(old)
+        if len(places):
+            self._has_lines[places] = True
+            lines = view.each_line(self.number[places]).tolist()
+            self._lines.update(zip(places.tolist(), ((line,) if line else () for line in lines), strict=True))
+
+    def last(self, view: View, place: int) -> _Place:
+        """Return the last report."""
+        number = self.number.item(place)
+        return _Place(number, self._lines.get(place) or view.lines((number,)))
 
 
 class Stopped(Rule):
@@ -64,8 +103,10 @@ class Stopped(Rule):
         self._sessions = HeardSessions()
         self._pauses = Pauses(0)
         self._starts = Starts()
-        self._talks: dict[Session, _Talk] = {}
+        self._talks = _Talks()
+        self._paces = PacedReports(0, 0, 0)
         self._doubts: list[_Doubt] = []
+        self._unproved: dict[int, list[_Doubt]] = {}  # by place of a session that may be another protocol's
         self._told: dict[tuple[int, int, int], None] = {}  # gaps by bus, node and start, the last ones
 
     def feed(self, view: View) -> Iterator[Occurrence]:
@@ -75,20 +116,23 @@ class Stopped(Rule):
         if self._nodes is None:
             least = self._least(view)
             self._nodes, self._pauses = HeardNodes(least), Pauses(least)
+            periods, fewest, seconds = (view.number("BUS-035", name) for name in ("periods", "min_reports", "min_s"))
+            self._paces = PacedReports(least, periods, int(fewest), round(seconds * SECOND))
         self._pauses.feed(view)
         self._starts.feed(view)
         self._nodes.feed(view.frames)
-        heard = list(self._sessions.feed(view.frames))
-        for session, _ in heard:
-            if session not in self._talks:
-                self._talks[session] = _Talk(self._pace(view))
-        talks = [self._talks[session] for session, _ in heard]
-        times, lost = [one.t for _, one in heard], [one.lost for _, one in heard]
-        breaks = PacedReports.feed_all([talk.pace for talk in talks], times, lost)
-        for (session, starts), talk, found in zip(heard, talks, breaks, strict=True):
-            for one in found:
-                self._doubt(view, (session, talk), one, starts)
-            talk.number, talk.lines = int(starts.number[-1]), ()
+        for begun in self._sessions.feed(view.frames):
+            self._talks.add(begun.place, begun.codes)
+            breaks = self._paces.feed(begun.place, begun.first[1:] - begun.first[:-1], begun.t, begun.lost)
+            for k, found in breaks:
+                place = begun.place.item(k)
+                if found.at < 0:
+                    last = self._talks.last(view, place)
+                else:
+                    number = begun.number.item(begun.first.item(k) + found.at)
+                    last = _Place(number, view.lines((number,)))
+                self._doubt(view, place, found, last)
+            self._talks.end(begun.place, begun.number[begun.first[1:] - 1])
         self._prove(view)
         self._keep_lines(view)
         yield from self._judge(view, view.end)
@@ -101,53 +145,49 @@ class Stopped(Rule):
             end = self._pauses.last.get(bus, heard.t)
             if end - heard.t > self._least(view):
                 heard.pause(end)
-        paces, ends = [talk.pace for talk in self._talks.values()], self._pauses.last
-        until = [ends.get(session.bus, pace.last) for session, pace in zip(self._talks, paces, strict=True)]
-        silences = PacedReports.silences(paces, until)
-        for (session, talk), found in zip(self._talks.items(), silences, strict=True):
-            if found is not None:
-                self._doubt(view, (session, talk), found, None)
+        buses = [Session.of(code).bus for code in self._talks.session.tolist()]
+        until = [self._pauses.last.get(bus, last) for bus, last in zip(buses, self._paces.last.tolist(), strict=True)]
+        for place, found in self._paces.silences(np.array(until, np.int64)):
+            self._doubt(view, place, found, self._talks.last(view, place), ends=True)
         yield from self._judge(view, None)
 
     def _least(self, view: View) -> int:
         return round(view.number("BUS-035", "min_ms") * MILLISECOND)
 
-    def _pace(self, view: View) -> PacedReports:
-        periods, fewest, seconds = (view.number("BUS-035", name) for name in ("periods", "min_reports", "min_s"))
-        return PacedReports(self._least(view), periods, int(fewest), round(seconds * SECOND))
-
-    def _doubt(self, view: View, who: tuple[Session, _Talk], found: Break, begun: SessionBegins | None) -> None:
-        """Keep a break of what began of a session in a batch, or that lasts to the end, if there is room."""
-        session, talk = who
-        waiting, most = (self._doubts, _MOST) if talk.code >= 0 else (talk.unproved, _MOST_UNPROVED)
-        if len(waiting) >= most:
+    def _doubt(self, view: View, place: int, found: Break, last: _Place, *, ends: bool = False) -> None:
+        """Keep a break of a session behind its `last` report, if there is room."""
+        session, proved = Session.of(self._talks.session.item(place)), self._talks.code.item(place) >= 0
+        waiting = self._doubts if proved else self._unproved.setdefault(place, [])
+        if len(waiting) >= (_MOST if proved else _MOST_UNPROVED):
             return
         gaps = self._nodes.gaps(session.bus, session.node, found.start, found.stop) if self._nodes else []
         longest = _MOSTLY * (found.stop - found.start)
         mostly = [gap for gap in gaps if gap.stop - gap.start > longest]
         meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in mostly)
-        place = _Place(talk.number, talk.lines) if begun is None else _place(view, talk, begun, found)
-        waiting.append(_Doubt(session, found, place, meanwhile, ends=begun is None))
+        waiting.append(_Doubt(session, place, found, last, meanwhile, ends))
 
     def _prove(self, view: View) -> None:
         """Note the types of sessions; those that have none may be another protocol's."""
-        if all(talk.code >= 0 for talk in self._talks.values()):
+        talks = self._talks
+        if not (talks.code < 0).any():
             return
-        for session, row in sorted(first_transfers(view.transfers)):
-            talk = self._talks.get(session)
-            if talk is not None and talk.code < 0:
-                talk.code = int(view.transfers.code[row])
-                self._doubts += talk.unproved
-                talk.unproved = []
+        codes, rows = first_rows(view.transfers)
+        places = self._sessions.places(codes)
+        known = np.flatnonzero(places >= 0)
+        known = known[talks.code[places[known]] < 0]
+        known = known[np.argsort(codes[known])]
+        talks.code[places[known]] = view.transfers.code[rows[known]]
+        for place in places[known].tolist():
+            self._doubts += self._unproved.pop(place, ())
 
     def _keep_lines(self, view: View) -> None:
         """Keep the last frames of those that are silent: they may be gone when that is told."""
-        first = view.frames.first
-        silent: list[_Talk | HeardNode] = [*self._talks.values()]
-        silent += [] if self._nodes is None else [heard for _, heard in self._nodes.all()]
-        for one in silent:
-            if one.number < first and not one.lines:
-                one.lines = view.lines((one.number,))
+        self._talks.keep_lines(view)
+        if self._nodes is None:
+            return
+        for _, heard in self._nodes.all():
+            if heard.number < view.frames.first and not heard.lines:
+                heard.lines = view.lines((heard.number,))
 
     def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
         waiting = []
@@ -180,7 +220,7 @@ class Stopped(Rule):
             if silent > longest:
                 longest, start, until = silent, begin, gap.start
             begin = gap.stop
-        name = view.type_name(self._talks[doubt.session].code)
+        name = view.type_name(self._talks.code.item(doubt.talk))
         if longest > limit and name not in _LEFT_OUT:
             values = {"what": "nothing of it", "before": f", every {found.period / MILLISECOND:.0f} ms before"}
             yield self._found(doubt, name, (start, until), values, doubt.place)
@@ -199,9 +239,3 @@ class Stopped(Rule):
             "BUS-035", start, bus, node, name, (place.number,), values, severity,
             drops=True, until=min(stop, start + _SHARE), lines=place.lines,
         )  # fmt: skip
-
-
-def _place(view: View, talk: _Talk, begun: SessionBegins, found: Break) -> _Place:
-    """Return the last report before a break."""
-    number = talk.number if found.at < 0 else begun.number.item(found.at)
-    return _Place(number, talk.lines if found.at < 0 and talk.lines else view.lines((number,)))

@@ -18,7 +18,7 @@ from dissectors.kit import (
     Starts,
     frames_of,
 )  # fmt: skip
-from dissectors.records import dataclass, field
+from dissectors.records import dataclass
 from dissectors.tmotor.rules.bus.malformed import MalformedReports
 from dissectors.tmotor.rules.bus.power_ons import PowerOns
 from dissectors.tmotor.rules.bus.report_rate import OPEN
@@ -27,18 +27,10 @@ from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, units
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrences, View
+    from dissectors.kit import DecodedTable, Occurrences, View
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _Evidence = tuple[tuple[int, ...], tuple[str, ...]]
-
-
-@dataclass(slots=True, eq=False)
-class _Heard:
-    """An ESC, and the frames of its last report."""
-
-    pace: PacedReports
-    evidence: _Evidence = field(default=((), ()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +48,8 @@ class Dropouts(Rule):
     rules = ("BUS-025",)
 
     def __init__(self) -> None:
-        self._heard: dict[ReportingEsc, _Heard] = {}
+        self._heard: dict[ReportingEsc, _Evidence] = {}  # the frames of the last report of each ESC
+        self._paces = PacedReports(0, 0, 0)  # of each ESC, in the same order
         self._pauses: Pauses | None = None
         self._starts = Starts()
         self._power_ons = PowerOns()
@@ -68,7 +61,10 @@ class Dropouts(Rule):
         if view.start == NO_TIME:
             return
         least = round(view.number("BUS-025", "min_ms") * MILLISECOND)
-        self._pauses = self._pauses or Pauses(least)
+        if self._pauses is None:
+            self._pauses = Pauses(least)
+            periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
+            self._paces = PacedReports(least, periods, int(fewest))
         self._pauses.feed(view)
         self._starts.feed(view)
         for one in self._power_ons.feed(view):
@@ -77,39 +73,40 @@ class Dropouts(Rule):
         self._malformed.feed(view, least)
         table = view.table("ESCStatus")
         if table is not None:
-            self._breaks(view, table, least)
+            self._breaks(view, table)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield ESCs that are silent to the end."""
         if self._pauses is not None:
-            for unit, heard in self._heard.items():
-                found = heard.pace.silence(self._pauses.last.get(unit.bus, heard.pace.last))
-                if found is not None:
-                    self._doubts.append(_Doubt(unit, found, heard.evidence))
+            heard, ends = list(self._heard), self._pauses.last
+            until = [ends.get(unit.bus, last) for unit, last in zip(heard, self._paces.last.tolist(), strict=True)]
+            for k, found in self._paces.silences(np.array(until, np.int64)):
+                self._doubts.append(_Doubt(heard[k], found, self._heard[heard[k]]))
         yield from self._judge(view, None)
 
-    def _breaks(self, view: View, table: DecodedTable, least: int) -> None:
+    def _breaks(self, view: View, table: DecodedTable) -> None:
         """Note times without reports of each ESC."""
-        reports: dict[ReportingEsc, Array] = {}
-        for unit, rows in units(view).items():
-            if unit not in self._heard and len(self._heard) < MOST_UNITS:
-                periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
-                self._heard[unit] = _Heard(PacedReports(least, periods, int(fewest)))
-            if unit in self._heard:
-                reports[unit] = rows
-        paces = [self._heard[unit].pace for unit in reports]
-        times = [table.t[rows] for rows in reports.values()]
-        lost = [self._malformed.lost(unit, table.row[rows]) for unit, rows in reports.items()]
-        breaks = PacedReports.feed_all(paces, times, lost)
-        for (unit, rows), some in zip(reports.items(), breaks, strict=True):
-            heard = self._heard[unit]
-            for found in some:
-                row = int(rows[found.at]) if found.at >= 0 else -1
-                evidence = heard.evidence if row < 0 else _evidence(view, table, row)
-                if len(self._doubts) < MOST_UNITS:
-                    self._doubts.append(_Doubt(unit, found, evidence))
-            heard.evidence = _evidence(view, table, int(rows[-1]))
+        places = {unit: k for k, unit in enumerate(self._heard)}
+        for unit in units(view):
+            if len(places) < MOST_UNITS:
+                places.setdefault(unit, len(places))
+        reports = [(unit, rows) for unit, rows in units(view).items() if unit in places]
+        if not reports:
+            return
+        breaks = self._paces.feed(
+            np.array([places[unit] for unit, _ in reports]),
+            np.array([len(rows) for _, rows in reports]),
+            table.t[np.concatenate([rows for _, rows in reports])],
+            np.concatenate([self._malformed.lost(unit, table.row[rows]) for unit, rows in reports]),
+        )
+        for k, found in breaks:
+            unit, rows = reports[k]
+            evidence = self._heard[unit] if found.at < 0 else _evidence(view, table, rows.item(found.at))
+            if len(self._doubts) < MOST_UNITS:
+                self._doubts.append(_Doubt(unit, found, evidence))
+        for unit, rows in reports:
+            self._heard[unit] = _evidence(view, table, rows.item(-1))
 
     def _note_rates(self, view: View) -> None:
         """Note new report rates."""

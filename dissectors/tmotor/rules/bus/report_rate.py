@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, sender, usable
+from dissectors.kit.order import steps
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import units
 from dissectors.tmotor.rules.joined.periods import PeriodHistogram
@@ -114,11 +115,11 @@ class ReportRate(Rule):
             one.last = int(table.t[rows[-1]])
             one.periods.feed(periods[rows])
             t, row = table.t[rows], table.row[rows]
-            one.heard.feed(np.diff(t, prepend=one.latest.get(unit.index, t[0])))
+            one.heard.feed(steps(t, one.latest.get(unit.index, t.item(0))))
             one.latest[unit.index] = one.last
-            steps = view.transfers.step[row][view.transfers.has("step")[row]]
-            one.counted += len(steps)
-            one.skipped += int(np.count_nonzero(steps != 1))
+            ids = view.transfers.step[row][view.transfers.has("step")[row]]
+            one.counted += len(ids)
+            one.skipped += int(np.count_nonzero(ids != 1))
 
 
 def _periods(view: View) -> Array:

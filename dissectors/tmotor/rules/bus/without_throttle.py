@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, Pauses, Rule, breach
+from dissectors.kit import MILLISECOND, NO_TIME, Pauses, Rule, breach, last_set
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.hold import Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, ReportingEsc, commands, fresh
@@ -19,7 +19,7 @@ from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThr
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from dissectors.kit import Array, Occurrence, Occurrences, View
+    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
     from dissectors.tmotor.rules.joined.joins import RawCommands
     from dissectors.tmotor.rules.joined.speed_reports import SpeedReports
 
@@ -84,31 +84,37 @@ class WithoutThrottle(Rule):
         """Yield packets whose PWM width is what the ESC follows, and not the throttle that it had, or was 0 before."""
         wait = round(view.number("BUS-034", "wait_ms") * MILLISECOND)
         for (bus, node), (table, rows, number, index, _) in self._reporters.packets(view):
-            t = table.t[rows]
-            throttle = self._at(bus, index, number, now)
-            width, pct = table["pwm"][rows], table["throttle"][rows]
-            late = (throttle.t != NO_TIME) & ~fresh(t, throttle.t, wait)
-            held, repeats = (_stands_for(width, throttle.value, within) for within in (_SAME_WIDTH, _REPEATS))
-            turns = late & (table["speed"][rows] != 0) & (pct > 0) & (width >= _LEAST_WIDTH) & ~held
             track = self._tracks.get(ReportingEsc(bus, node, index))
             if track is None:
                 continue
+            t, width = table.t[rows], table["pwm"][rows]
+            throttle = self._at(bus, index, number, now)
             del track.takeovers[:-_TAKEOVERS]
-            recent = fresh(t, throttle.t, _FRESH)
-            before = np.maximum.accumulate(np.where(recent, np.arange(len(recent)), -1))
-            known = {one.since for one in track.takeovers}
-            for k in np.flatnonzero(turns).tolist():
-                since, last = int(throttle.t[k]), int(before[k])
-                was = track.width if last < 0 else float(width[last])
-                if since not in known and (was == 0 or _alike(width[k], pct[k])):
-                    known.add(since)
-                    values = {"microseconds": float(width[k]), "rpm": int(table["speed"][rows[k]])}
-                    text = f"{values['microseconds']:.1f} us, {values['rpm']} rpm"
-                    sure = not (track.repeats if last < 0 else bool(repeats[last]))
-                    track.takeovers.append(Takeover(since, int(number[k]), text, sure))
-                    yield breach(view, table, int(rows[k]), "BUS-034", values)
-            if before[-1] >= 0:
-                track.width, track.repeats = float(width[before[-1]]), bool(repeats[before[-1]])
+            last = last_set(fresh(t, throttle.t, _FRESH))
+            late = np.flatnonzero((throttle.t != NO_TIME) & ~fresh(t, throttle.t, wait))
+            if len(late):
+                yield from self._taken(view, track, (table, rows, number), throttle, late, last)
+            track.width, track.repeats = _before(track, width, throttle, last.item(-1))
+
+    def _taken(
+        self, view: View, track: Track, packets: tuple[DecodedTable, Array, Array], throttle: LastThrottle,
+        late: Array, last: Array,
+    ) -> Iterator[Occurrence]:  # fmt: skip
+        """Yield which of the packets that come late after a throttle show another; `last` are those in time."""
+        table, rows, number = packets
+        width, pct, speed = (table[name][rows] for name in ("pwm", "throttle", "speed"))
+        held = _stands_for(width[late], throttle.value[late], _SAME_WIDTH)
+        turns = late[(speed[late] != 0) & (pct[late] > 0) & (width[late] >= _LEAST_WIDTH) & ~held]
+        known = {one.since for one in track.takeovers}
+        for k, before in zip(turns.tolist(), last[turns].tolist(), strict=True):
+            since = throttle.t.item(k)
+            was, repeats = _before(track, width, throttle, before)
+            if since not in known and (was == 0 or _alike(width[k], pct[k])):
+                known.add(since)
+                values = {"microseconds": float(width[k]), "rpm": int(speed[k])}
+                text = f"{values['microseconds']:.1f} us, {values['rpm']} rpm"
+                track.takeovers.append(Takeover(since, number.item(k), text, not repeats))
+                yield breach(view, table, rows.item(k), "BUS-034", values)
 
     def _follow(
         self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]
@@ -116,16 +122,17 @@ class WithoutThrottle(Rule):
         track, sent = self._tracks[unit], now.get(unit.bus)
         new = Samples(some.t, some.rpm, some.pct, some.current)
         whole = new if track.tail is None else track.tail.joined(new)
-        told = np.logical_or.accumulate(np.concatenate(([track.tells], new.pct > 0)))[1:]
+        tells = new.pct > 0
         steady = self._throttles.get(unit.bus, ValidThrottle()).steady
         if track.hold is not None or not steady(sent, unit.index, int(some.t[-1]), self._timeout):
             throttle = self._at(unit.bus, unit.index, some.number, now)
             lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
             if lost.any() or track.hold is not None:
+                told = last_set(tells) >= 0 if not track.tells else np.ones(len(tells), bool)
                 losses = Losses(self._pauses or Pauses(self._timeout), unit.bus, whole.t, lost, throttle.t, track.hold)
                 motor = Motor(view, unit, some, throttle, told, losses, partial(self._excused, unit, some, now))
                 yield from follow(track, motor, whole, self._timeout)
-        track.tells = bool(told[-1])
+        track.tells |= bool(tells.any())
         recent = whole.t >= int(whole.t[-1]) - self._timeout - _TAIL
         recent[-RECENT:] = True
         track.tail = Samples(*(column[recent].copy() for column in whole))
@@ -133,7 +140,7 @@ class WithoutThrottle(Rule):
     def _excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
         coasts = (some.mode == _COAST_DOWN) & (some.pct == 0)
-        found: Array = np.isin(some.mode, _FOLDS) | coasts
+        found: Array = (some.mode == _FOLDS[0]) | (some.mode == _FOLDS[1]) | coasts
         found |= self._driven.at(unit.bus, unit.index, some.number)
         found |= self._elsewhere(unit, some.number, some.t, now)
         found |= self._priority.at(unit.bus, unit.node, some.number)
@@ -148,6 +155,14 @@ class WithoutThrottle(Rule):
                 throttle = self._at(bus, unit.index, number, now)
                 found |= fresh(t, throttle.t, self._timeout) & (other.first <= number)
         return found
+
+
+def _before(track: Track, width: Array, throttle: LastThrottle, last: int) -> tuple[float, bool]:
+    """Return the last width in time, which may be one of an earlier batch, and whether it repeats the throttle."""
+    if last < 0:
+        return track.width, track.repeats
+    one = slice(last, last + 1)
+    return width.item(last), bool(_stands_for(width[one], throttle.value[one], _REPEATS))
 
 
 def _stands_for(width: Array, value: Array, within: float) -> Array:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.kit.order import changes, steps
+
 if TYPE_CHECKING:
     from dissectors.kit import Array
 
@@ -26,15 +28,17 @@ class PeriodHistogram:
         periods = periods[periods > 0]
         if not len(periods):
             return
-        code = (periods.astype(np.float32).view(np.int32) >> 13).clip(self._LOW, self._HIGH)
-        low = int(code.min())
-        counted = np.bincount(code - low).astype(np.uint32)
-        new = np.flatnonzero(counted).astype(np.int32)
-        bins = np.union1d(self._bins, new + low)
-        times = np.zeros(len(bins), np.uint32)
-        times[np.searchsorted(bins, self._bins)] = self._times
-        times[np.searchsorted(bins, new + low)] += counted[new]
-        self._bins, self._times = bins, times
+        code = np.maximum(periods.astype(np.float32).view(np.int32) >> 13, self._LOW)
+        np.minimum(code, self._HIGH, out=code).sort()
+        first = changes(code, -1)
+        bins = code[first]
+        at = np.searchsorted(self._bins, bins)
+        new = np.flatnonzero(np.append(self._bins, -1)[at] != bins)
+        if len(new):
+            self._bins = np.insert(self._bins, at[new], bins[new])
+            self._times = np.insert(self._times, at[new], 0)
+            at = np.searchsorted(self._bins, bins)
+        self._times[at] += steps(np.append(first[1:], len(code)), 0).astype(np.uint32)
         self.count += len(periods)
 
     def below(self, share: float) -> float:

@@ -164,8 +164,8 @@ def spares(t: Array, at: Array) -> Array:
     found = np.zeros(len(at), np.int64)
     many = at >= RECENT
     if many.any():
-        apart = np.diff(np.lib.stride_tricks.sliding_window_view(t, RECENT)[at[many] - RECENT], axis=1)
-        found[many] = 2 * np.sort(apart, axis=1)[:, (RECENT - 1) // 2]
+        before = t[at[many][:, None] + np.arange(-RECENT, 0)]
+        found[many] = 2 * np.sort(before[:, 1:] - before[:, :-1], axis=1)[:, (RECENT - 1) // 2]
     for k in np.flatnonzero(~many).tolist():
         few = sorted(after - one for one, after in pairwise(t[: at[k]].tolist()))
         usual = int((few[len(few) // 2] + few[(len(few) - 1) // 2]) / 2) if few else 0
