@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from itertools import groupby
 from operator import itemgetter
@@ -49,6 +49,7 @@ class Recent:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._firsts: list[int] = []
+        self._begins = np.empty(0, np.int64)  # the same
         self._cells: list[_Cells | None] = []
         self._held = 0
         self._natives: dict[int, FrameIndex] = {}
@@ -67,6 +68,7 @@ class Recent:
             del self._firsts[0], self._cells[0]
             self._held -= len(gone)
             self._natives.pop(gone.first, None)
+        self._begins = np.array(self._firsts, np.int64)
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
@@ -99,11 +101,11 @@ class Recent:
 
     def _having(self, numbers: Array) -> Iterator[tuple[FrameTable, Array]]:
         """Yield the batches that have some of the frames, and which ones: a live session has very many batches."""
-        at = np.searchsorted(self._firsts, numbers, "right") - 1
+        at = self._begins.searchsorted(numbers, "right") - 1
         for place in sorted(set(at.tolist())):
             if place >= 0:
-                batch, mine = self._batches[place], np.flatnonzero(at == place)
-                yield batch, mine[numbers[mine] < batch.first + len(batch)]
+                batch = self._batches[place]
+                yield batch, ((at == place) & (numbers < batch.first + len(batch))).nonzero()[0]
 
     def _opened(self, at: int) -> _Cells:
         """Return what gives the cells of a row of a batch."""
@@ -122,7 +124,9 @@ class Recent:
 
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
-        return [self._native(batch) for batch in self._batches if batch.first < high and batch.first + len(batch) > low]
+        first, last = max(bisect_right(self._firsts, low) - 1, 0), bisect_left(self._firsts, high)
+        some = (self._batches[at] for at in range(first, last))
+        return [self._native(batch) for batch in some if batch.first + len(batch) > low]
 
     def _native(self, batch: FrameTable) -> FrameIndex:
         """Return a batch as the core has it."""
