@@ -117,11 +117,6 @@ class Recent:
         )
         return cells
 
-    def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]:
-        """Return the numbers, from `low` to before `high`, of the frames of a session of a bus."""
-        low = max(low, 0)
-        return [number for index in self.indexes(low, high) for number in index.numbers(low, high, bus, session)]
-
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
         first, last = max(bisect_right(self._firsts, low) - 1, 0), bisect_left(self._firsts, high)

@@ -247,10 +247,6 @@ class BatchView:
         """Return a frame of the recent past."""
         return self._past.recent.frame(number)
 
-    def numbers_between(self, low: int, high: int, bus: int, session: int) -> list[int]:
-        """Return frames of a session of the recent past, from `low` to before `high`."""
-        return self._past.recent.numbers(low, high, bus, session)
-
     def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
         return self._past.recent.indexes(low, high)

@@ -72,9 +72,9 @@ def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int]
 
 def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     """Return what the text of its rule is filled with."""
-    why = {"cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
     if one.rule == SEQUENCE:
         return {"cause": cause.what, "detail": cause.detail, "frame": FrameNumber.at(_break_at(view, one.frames))}
+    why = {"cause": cause.what, "why": cause.behind(": ")}
     if one.rule == CUT:
         return why | {"frames": len(one.frames), "bytes": one.received}
     if one.rule == LATE:
@@ -108,4 +108,4 @@ def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: b
     """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
     one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
     cause = turned_bit(one)
-    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
+    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": cause.behind(": ")}
