@@ -48,6 +48,9 @@ class FrameText(str):
         )
 
 
+_KNOWING = FrameNumber, FrameText
+
+
 def listed(places: Sequence[int], between: str = ", ") -> FrameText:
     """Return the numbers of frames at some places, from 0."""
     numbers = [one for place in places for one in (between, FrameNumber.at(place))]
@@ -68,13 +71,16 @@ def _parsed(text: str) -> Sequence[tuple[str, str | None, bool, str]]:
 
 def filled(text: str, values: Mapping[str, Any]) -> str:
     """Return what `str.format_map` does; it knows its numbers of frames if it has some."""
-    if not any(isinstance(value, (FrameNumber, FrameText)) for value in values.values()):
+    for value in values.values():
+        if isinstance(value, _KNOWING):
+            break
+    else:
         return text.format_map(values)
     pieces: list[Piece] = []
     for plain, name, whole, form in _parsed(text):
         pieces.append(plain)
         value = values.get(name) if name else None
-        if whole and isinstance(value, (FrameNumber, FrameText)):
+        if whole and isinstance(value, _KNOWING):
             pieces.append(value)
         elif name is not None:
             pieces.append(form.format_map(values))
