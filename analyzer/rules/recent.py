@@ -135,8 +135,12 @@ class Recent:
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
         numbers = list(wanted)
+        if not numbers or not self._firsts:
+            return ()
+        if min(numbers) >= self._firsts[-1]:  # mostly all are of the newest batch
+            return self._lines(len(self._firsts) - 1, numbers, buses)
         places = [bisect_right(self._firsts, number) - 1 for number in numbers]
-        if places and places.count(places[0]) == len(places):  # as nearly always
+        if places.count(places[0]) == len(places):
             return self._lines(places[0], numbers, buses)
         found: list[str] = []
         for at, some in groupby(zip(places, numbers, strict=True), itemgetter(0)):
