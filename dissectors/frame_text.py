@@ -31,7 +31,12 @@ class FrameText(str):
 
     def __new__(cls, *pieces: Piece) -> Self:
         """Join pieces; of texts that know theirs, these."""
-        flat = [one for piece in pieces for one in (piece.pieces if isinstance(piece, FrameText) else (piece,))]
+        flat: list[Piece] = []
+        for piece in pieces:
+            if isinstance(piece, FrameText):
+                flat += piece.pieces
+            else:
+                flat.append(piece)
         made = super().__new__(cls, "".join(map(str, flat)))
         made.pieces = flat
         return made
@@ -43,6 +48,9 @@ class FrameText(str):
         )
 
 
+_KNOWING = FrameNumber, FrameText
+
+
 def listed(places: Sequence[int], between: str = ", ") -> FrameText:
     """Return the numbers of frames at some places, from 0."""
     numbers = [one for place in places for one in (between, FrameNumber.at(place))]
@@ -50,21 +58,30 @@ def listed(places: Sequence[int], between: str = ", ") -> FrameText:
 
 
 @lru_cache(maxsize=512)
-def _parsed(text: str) -> Sequence[tuple[str, str | None, str | None, str | None]]:
-    """Return the pieces of a text that `str.format_map` takes: a text is filled many times."""
-    return tuple(Formatter().parse(text))
+def _parsed(text: str) -> Sequence[tuple[str, str | None, bool, str]]:
+    """Return the pieces of a text that `str.format_map` takes: a text is filled many times.
+
+    Each is plain, and then names a value, or None, as it is or not; the last one is what fills in that value.
+    """
+    found = []
+    for plain, name, spec, conversion in Formatter().parse(text):
+        found.append((plain, name, not spec, f"{{{name}{f'!{conversion}' if conversion else ''}:{spec}}}"))
+    return found
 
 
 def filled(text: str, values: Mapping[str, Any]) -> str:
     """Return what `str.format_map` does; it knows its numbers of frames if it has some."""
-    if not any(isinstance(value, (FrameNumber, FrameText)) for value in values.values()):
+    for value in values.values():
+        if isinstance(value, _KNOWING):
+            break
+    else:
         return text.format_map(values)
     pieces: list[Piece] = []
-    for plain, name, spec, conversion in _parsed(text):
+    for plain, name, whole, form in _parsed(text):
         pieces.append(plain)
         value = values.get(name) if name else None
-        if isinstance(value, (FrameNumber, FrameText)) and not spec:
+        if whole and isinstance(value, _KNOWING):
             pieces.append(value)
         elif name is not None:
-            pieces.append(f"{{{name}{f'!{conversion}' if conversion else ''}:{spec}}}".format_map(values))
+            pieces.append(form.format_map(values))
     return FrameText(*pieces)

@@ -5,7 +5,7 @@ It says so, or several senders lack some at the same time.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Drops:
         self._around = around
         self._beside = beside
         self._times = EventTimes()  # of what the recorder says
-        self._joint: dict[int, Array] = {}  # since when, and until when, without overlaps: a row each
+        self._joint: dict[int, Array] = {}  # since when (first row), and until when, without overlaps
         self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
     def feed(self, view: View) -> None:
@@ -52,10 +52,13 @@ class Drops:
         """Note losses that are inferred."""
         if joint is None:
             return
-        rows = np.stack((joint.since - joint.reach, joint.until + joint.reach), axis=1)
+        times = np.stack((joint.since - joint.reach, joint.until + joint.reach))
         for bus in distinct(joint.bus):
-            new = rows[joint.bus == bus]
-            self._joint[bus] = _without_overlaps(np.concatenate((self._joint.get(bus, new[:0]), new)))[-MOST_JOINT:]
+            new = times[:, joint.bus == bus]
+            known = self._joint.get(bus, new[:, :0])
+            over = int(known[1].searchsorted(new[0].min()))  # these meet none of the new ones
+            new = _without_overlaps(np.concatenate((known[:, over:], new), axis=1))
+            self._joint[bus] = np.concatenate((known[:, :over], new), axis=1)[:, -MOST_JOINT:]
 
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""
@@ -68,42 +71,48 @@ class Drops:
     def ready(self, end: int | None) -> Iterator[tuple[Occurrences | Occurrence, list[bool]]]:
         """Yield what no later loss can explain once the capture has come to `end` (None: to its end)."""
         after = max(self._around, self._beside + WIDEST + LONGEST + SETTLED)
-        late = [k for k, (last, _) in enumerate(self._held) if end is None or last < end - after]
-        spare = len(self._held) - len(late) - MOST_HELD
-        chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
-        done = [found for k, (_, found) in enumerate(self._held) if k in chosen]
-        self._held = [entry for k, entry in enumerate(self._held) if k not in chosen]
+        late = [end is None or last < end - after for last, _ in self._held]
+        spare = late.count(False) - MOST_HELD
+        if spare > 0:
+            late[: spare + late.count(True)] = [True] * (spare + late.count(True))
+        done = [found for (_, found), now in zip(self._held, late, strict=True) if now]
+        self._held = [entry for entry, now in zip(self._held, late, strict=True) if not now]
         told = list(united(done, self._keyed))
-        alone = iter(self._near_each([one for one in told if not isinstance(one, Occurrences)]))
+        near = self._near_each(told)
+        begin = 0
         for one in told:
-            if isinstance(one, Occurrences):
-                since, until = (one.t if times is None else times for times in (one.since, one.until))
-                yield one, self._near(one.bus, since, until)
-            else:
-                yield one, [next(alone)]
+            size = len(one.t) if isinstance(one, Occurrences) else 1
+            yield one, near[begin : begin + size]
+            begin += size
 
-    def _near_each(self, found: Sequence[Occurrence]) -> list[bool]:
-        """Return which occurrences are near a loss."""
-        times = ((one.t if time is None else time for time in (one.since, one.until)) for one in found)
-        rows = [
-            (one.bus, *(min(max(time, NO_TIME), _LAST) for time in each))
-            for one, each in zip(found, times, strict=True)
-        ]
-        return self._near(*np.array(rows, np.int64).reshape(-1, 3).T)
+    def _near_each(self, found: Sequence[Occurrences | Occurrence]) -> list[bool]:
+        """Return which occurrences are near a loss, row by row of those that have several."""
+        if not found:
+            return []
+        columns: list[tuple[Any, Any, Any]] = []
+        for one in found:
+            since, until = (one.t if times is None else times for times in (one.since, one.until))
+            if isinstance(one, Occurrences):
+                columns.append((one.bus, since, until))
+            else:
+                begin, end = (min(max(time, NO_TIME), _LAST) for time in (since, until))
+                columns.append(([one.bus], [begin], [end]))
+        bus, since, until = (np.concatenate(parts, dtype=np.int64) for parts in zip(*columns, strict=True))
+        return self._near(bus, since, until)
 
     def _near(self, bus: Array, since: Array, until: Array) -> list[bool]:
         """Return which stretches of time of a bus are near a loss."""
         near, most = np.zeros(len(since), bool), max(self._around, self._beside)
         for one in distinct(bus) if self._times or self._joint else ():
-            rows = np.flatnonzero(bus == one)
+            rows = (bus == one).nonzero()[0]
             # One without a time begins before all others; beyond the first and the last time there is nothing.
             first, last = np.maximum(since[rows], NO_TIME + most), np.minimum(until[rows], _LAST - most)
             if self._times:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
                 near[rows] = [self._times.near(one, *each) for each in said]
             if one in self._joint:
-                begins, ends = self._joint[one].T
-                at = np.searchsorted(ends, first - self._beside)
+                begins, ends = self._joint[one]
+                at = ends.searchsorted(first - self._beside)
                 inside = at < len(ends)
                 near[rows] |= inside & (begins[np.where(inside, at, 0)] <= last + self._beside)
         found: list[bool] = near.tolist()
@@ -111,8 +120,8 @@ class Drops:
 
 
 def _without_overlaps(times: Array) -> Array:
-    """Return times with a beginning and an end as those that are left once all that meet are one."""
-    times = times[np.argsort(times[:, 0], kind="stable")]
-    ends = np.maximum.accumulate(times[:, 1])
-    first = np.flatnonzero(np.append(True, times[1:, 0] > ends[:-1]))
-    return np.stack((times[first, 0], ends[np.append(first[1:], len(ends)) - 1]), axis=1)
+    """Return times with a beginning (first row) and an end as those that are left once all that meet are one."""
+    times = times[:, np.argsort(times[0], kind="stable")]
+    ends = np.maximum.accumulate(times[1])
+    first = np.flatnonzero(np.append(True, times[0, 1:] > ends[:-1]))
+    return np.stack((times[0, first], ends[np.append(first[1:], len(ends)) - 1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from itertools import groupby
 from operator import itemgetter
@@ -49,6 +49,7 @@ class Recent:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._firsts: list[int] = []
+        self._begins = np.empty(0, np.int64)  # the same
         self._cells: list[_Cells | None] = []
         self._held = 0
         self._natives: dict[int, FrameIndex] = {}
@@ -67,6 +68,7 @@ class Recent:
             del self._firsts[0], self._cells[0]
             self._held -= len(gone)
             self._natives.pop(gone.first, None)
+        self._begins = np.array(self._firsts, np.int64)
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
@@ -99,11 +101,11 @@ class Recent:
 
     def _having(self, numbers: Array) -> Iterator[tuple[FrameTable, Array]]:
         """Yield the batches that have some of the frames, and which ones: a live session has very many batches."""
-        at = np.searchsorted(self._firsts, numbers, "right") - 1
+        at = self._begins.searchsorted(numbers, "right") - 1
         for place in sorted(set(at.tolist())):
             if place >= 0:
-                batch, mine = self._batches[place], np.flatnonzero(at == place)
-                yield batch, mine[numbers[mine] < batch.first + len(batch)]
+                batch = self._batches[place]
+                yield batch, ((at == place) & (numbers < batch.first + len(batch))).nonzero()[0]
 
     def _opened(self, at: int) -> _Cells:
         """Return what gives the cells of a row of a batch."""
@@ -115,14 +117,11 @@ class Recent:
         )
         return cells
 
-    def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]:
-        """Return the numbers, from `low` to before `high`, of the frames of a session of a bus."""
-        low = max(low, 0)
-        return [number for index in self.indexes(low, high) for number in index.numbers(low, high, bus, session)]
-
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
-        return [self._native(batch) for batch in self._batches if batch.first < high and batch.first + len(batch) > low]
+        first, last = max(bisect_right(self._firsts, low) - 1, 0), bisect_left(self._firsts, high)
+        some = (self._batches[at] for at in range(first, last))
+        return [self._native(batch) for batch in some if batch.first + len(batch) > low]
 
     def _native(self, batch: FrameTable) -> FrameIndex:
         """Return a batch as the core has it."""
@@ -136,8 +135,12 @@ class Recent:
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
         numbers = list(wanted)
+        if not numbers or not self._firsts:
+            return ()
+        if min(numbers) >= self._firsts[-1]:  # mostly all are of the newest batch
+            return self._lines(len(self._firsts) - 1, numbers, buses)
         places = [bisect_right(self._firsts, number) - 1 for number in numbers]
-        if places and places.count(places[0]) == len(places):  # as nearly always
+        if places.count(places[0]) == len(places):
             return self._lines(places[0], numbers, buses)
         found: list[str] = []
         for at, some in groupby(zip(places, numbers, strict=True), itemgetter(0)):

@@ -29,7 +29,6 @@ from dissectors.kit import (
 )
 from dissectors.kit.cells import numbers
 from dissectors.kit.view import Settled
-from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -215,8 +214,12 @@ class BatchView:
             self._tables[name] = DecodedTable(name, rows, self.transfers.first)
         return self._tables[name]
 
-    def tables(self) -> Iterable[str]:
+    def tables(self) -> Sequence[str]:
         """Return names of the tables that this batch has."""
+        return self._named
+
+    @cached_property
+    def _named(self) -> Sequence[str]:
         return [name for name, rows in self._messages.items() if rows.num_rows]
 
     def definition(self, name: str) -> Message | None:
@@ -244,10 +247,6 @@ class BatchView:
         """Return a frame of the recent past."""
         return self._past.recent.frame(number)
 
-    def numbers_between(self, low: int, high: int, bus: int, session: int) -> list[int]:
-        """Return frames of a session of the recent past, from `low` to before `high`."""
-        return self._past.recent.numbers(low, high, bus, session)
-
     def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
         return self._past.recent.indexes(low, high)
@@ -267,14 +266,7 @@ class BatchView:
     def among_transfers(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
         """Return `Occurrences` for transfers of this batch."""
         rows = np.asarray(rows, np.int64)
-        t = self.transfers
-        src, kind = t.src[rows].astype(np.int64), t.kind[rows]
-        about.setdefault("frame", t.lead[rows])
-        about.setdefault("frames", lambda k: t.frames(int(rows[k])))
-        return Occurrences(
-            rule=rule, t=t.t[rows], bus=t.bus[rows], node=np.where((src == 0) & (kind != MESSAGE), NOBODY, src),
-            type=t.code[rows], values=lambda k: values(int(rows[k])), **about,
-        )  # fmt: skip
+        return self._of_transfers(rule, rows, lambda k: values(rows.item(k)), about)
 
     def among_frames(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
         """Return `Occurrences` for frames of this batch."""
@@ -293,14 +285,23 @@ class BatchView:
     ) -> Occurrences:
         """Return `Occurrences` for rows of a message or packet table."""
         rows = np.asarray(rows, np.int64)
-        found = self.among_transfers(rule, table.row[rows], _nothing, **about)
-        return replace(found, values=lambda k: values(int(rows[k])), doubtful=doubtful(table, rows))
+        about["doubtful"] = doubtful(table, rows)
+        return self._of_transfers(rule, table.row[rows], lambda k: values(rows.item(k)), about)
+
+    def _of_transfers(
+        self, rule: str, rows: Array, values: Callable[[int], Values], about: dict[str, Any]
+    ) -> Occurrences:
+        t = self.transfers
+        node = t.src[rows].astype(np.int64)
+        if not node.all():
+            node[(node == 0) & (t.kind[rows] != MESSAGE)] = NOBODY
+        about.setdefault("frame", t.lead[rows])
+        about.setdefault("frames", lambda k: t.frames(rows.item(k)))
+        return Occurrences(
+            rule=rule, t=t.t[rows], bus=t.bus[rows], node=node, type=t.code[rows], values=values, **about
+        )
 
 
 def node_of(src: int, code: int) -> int | None:
     """Return the node that sent a transfer: with source 0 only that of a message that is not anonymous."""
     return src if src or code >> 16 == MESSAGE else None
-
-
-def _nothing(_row: int) -> Values:
-    return {}

@@ -39,6 +39,13 @@ def valid(array: pa.Array) -> Array:
     return np.asarray(array.is_valid()) if bitmap is None else _bits(bitmap, array.offset, len(array))
 
 
+def offsets_of(array: pa.Array) -> Array:
+    """Return where each cell of a column of lists, texts or bytes begins, one entry more than there are cells."""
+    if not len(array):
+        return np.zeros(1, np.int32)
+    return np.frombuffer(array.buffers()[1], np.int32, len(array) + 1, array.offset * 4)
+
+
 def floats(values: Array) -> Array:
     """Return numbers of any dtype as floats of 64 bits; numpy warns of a NaN that signals, which a sender may send."""
     with np.errstate(invalid="ignore"):
@@ -68,8 +75,7 @@ def holds_text(array: pa.Array, text: str) -> Array:
     """Return a mask of the cells of a column of texts that hold this one."""
     if not len(array):
         return np.zeros(0, bool)
-    _, offsets, data = array.buffers()
-    ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+    ends, data = offsets_of(array), array.buffers()[2]
     letters = np.frombuffer(text.encode(), np.uint8)
     rows: Array
     if data is not None and not array.null_count and (ends[1:] - ends[:-1] == len(letters)).all():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from binascii import crc_hqx
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ _SERVICE = 2  # this kind and those above it
 CRC_BEGIN = 0xFFFF
 
 
+@lru_cache(maxsize=4096)
 def crc_start(signature: int) -> int:
     """Return the transfer CRC before any payload: that of the signature, low byte first (5.1)."""
     return crc_hqx(signature.to_bytes(8, "little"), CRC_BEGIN)

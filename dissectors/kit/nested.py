@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from dissectors.kit.cells import numbers, valid
+from dissectors.kit.cells import numbers, offsets_of, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ def inner(array: pa.Array, rows: Array, members: Sequence[str]) -> tuple[Array, 
         has = valid(array)
         array, rows = array.filter(pa.array(has)), rows[has]
     if pa.types.is_list(array.type):
-        ends = np.asarray(array.offsets).astype(np.int64)
+        ends = offsets_of(array).astype(np.int64)
         inside = array.values.slice(ends[0], ends[-1] - ends[0])
         return inner(inside, np.repeat(rows, np.diff(ends)), members)
     if members:
@@ -36,7 +36,7 @@ def not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]
         for k in range(kind.num_fields):
             yield from not_finite(array.field(k), f"{name}.{kind.field(k).name}")
     elif pa.types.is_list(kind):
-        ends = np.asarray(array.offsets).astype(np.int64)
+        ends = offsets_of(array).astype(np.int64)
         for path, places, values in not_finite(array.values, name):
             yield path, np.searchsorted(ends, places, "right") - 1, values
     elif pa.types.is_floating(kind):
@@ -50,6 +50,6 @@ def not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]
 
 def listed(array: pa.Array) -> tuple[Array, Array]:
     """Return offsets from 0 and values of a list column."""
-    offsets = np.asarray(array.offsets).astype(np.int64)
+    offsets = offsets_of(array).astype(np.int64)
     values = numbers(array.values.slice(offsets[0], offsets[-1] - offsets[0])) if len(offsets) else np.empty(0)
     return offsets - (offsets[0] if len(offsets) else 0), values

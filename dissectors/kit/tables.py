@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pyarrow as pa
 
-from dissectors.kit.cells import numbers, pylist, valid
+from dissectors.kit.cells import numbers, offsets_of, pylist, valid
 from dissectors.kit.nested import inner, listed, not_finite
 from dissectors.times import NO_TIME
 
@@ -64,7 +64,8 @@ class Columns:
 
     def _lengths(self, name: str) -> Array:
         offsets, _ = self._binary[name] if name in self._binary else self._opened(name)
-        return np.diff(offsets)
+        sizes: Array = offsets[1:] - offsets[:-1]
+        return sizes
 
     @cached_property
     def _binary(self) -> dict[str, tuple[Array, memoryview]]:
@@ -72,9 +73,8 @@ class Columns:
 
     def _opened(self, name: str) -> tuple[Array, memoryview]:
         array = self._batch.column(name)
-        _, offsets, data = array.buffers()
-        ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
-        self._binary[name] = ends, memoryview(b"" if data is None else data)
+        data = array.buffers()[2]
+        self._binary[name] = offsets_of(array), memoryview(b"" if data is None else data)
         return self._binary[name]
 
 
@@ -276,10 +276,15 @@ class DecodedTable:
         node |= self.src & 0x7F
         return node
 
-    @property
+    @cached_property
     def trusted(self) -> Array:
         """Mask of the rows whose transfer is complete with a good CRC, or one frame."""
         return self["trusted"]
+
+    @cached_property
+    def good(self) -> int:
+        """How many of them are trusted."""
+        return int(np.count_nonzero(self.trusted))
 
     def has(self, name: str) -> Array:
         """Return a mask of the rows in which the column has a value."""
@@ -305,7 +310,8 @@ class DecodedTable:
         array = self._batch.column(name)
         if not pa.types.is_list(array.type):
             return np.zeros(len(array), np.int64)
-        return np.diff(np.asarray(array.offsets)).astype(np.int64)
+        ends = offsets_of(array)
+        return (ends[1:] - ends[:-1]).astype(np.int64)
 
     def cell(self, name: str, row: int) -> Any:
         """Return one cell as a Python value."""

@@ -217,9 +217,6 @@ class View(Protocol):
     def frame(self, number: int) -> Kept | None:
         """Return a frame of the recent past, None if it is gone."""
 
-    def numbers_between(self, low: int, high: int, bus: int, session: int) -> Sequence[int]:
-        """Return frames of a session, `SESSION` of identifiers, of the recent past: from `low` to before `high`."""
-
     def indexes(self, low: int, high: int) -> Sequence[Any]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
 

@@ -76,7 +76,7 @@ def test_what_a_sender_did_so_often_it_does_again() -> None:
 
     def note(frames: int, received: int, what: str, count: int) -> None:
         for _ in range(count):
-            known.note(sender, int(budgets.shapes_of(frames, received)), what)
+            known.note((0, 10, 1034), frames, received, what)
 
     assert like(3, 16) == budgets.NOT_SEARCHED
     note(3, 16, causes.LOST, 20)

@@ -6,8 +6,10 @@ use std::collections::HashMap;
 const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
 const WORD: usize = 8;
 const ID: u8 = 31;
-/// Bits of a key that leave few frames but those that are equal.
+/// Bits of a key that leave few frames but those that are equal, to as many as are asked about: most of them, and how
+/// many places of the sieve each of these gets. More take memory, with fewer too many other frames come through.
 const SIEVE: u32 = 20;
+const SPARSE: usize = 64;
 
 /// Frames in columns; `offsets` says where the data field of each begins in `data`, one more than there are frames.
 #[derive(Debug)]
@@ -74,17 +76,19 @@ pub struct Limits {
 
 /// What the frames at some places are; None if there are no such places.
 pub fn kinds(keys: &[u64], tails: &[i16], places: &[u32], limits: Limits) -> Option<Vec<Kind>> {
-    let mut sieve = vec![false; 1 << SIEVE];
+    let bits = (places.len() * SPARSE + 2).ilog2().min(SIEVE);
+    let place_of = |key: u64| (key >> (u64::BITS - bits)) as usize;
+    let mut sieve = vec![false; 1 << bits];
     let mut alike: HashMap<u64, Vec<u32>> = HashMap::new();
     let mut equal: HashMap<(u64, i16), Vec<u32>> = HashMap::new();
     for &place in places {
         let (&key, &tail) = (keys.get(place as usize)?, tails.get(place as usize)?);
-        sieve[(key >> (u64::BITS - SIEVE)) as usize] = true;
+        sieve[place_of(key)] = true;
         alike.entry(key).or_default();
         equal.entry((key, tail)).or_default();
     }
     for (place, (&key, &tail)) in (0..).zip(keys.iter().zip(tails)) {
-        if sieve[(key >> (u64::BITS - SIEVE)) as usize] {
+        if sieve[place_of(key)] {
             if let Some(found) = alike.get_mut(&key) {
                 found.push(place);
                 if let Some(found) = equal.get_mut(&(key, tail)) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,15 +18,20 @@ MOST_SEARCHES = 500  # transfers of one type and sender whose cause is searched
 MOST_SENDERS = 4096  # of which that is counted
 MOST_SHAPES = 63  # of one sender's transfers that are kept apart
 _NEARLY_ALL = 0.9
+_AT_ONCE = 256  # causes noted one by one that the core takes together; more wait longer than it is worth
 _CODE_BITS, _NODE_BITS = 34, 9
 _FRAMES_BIT = 32  # above the bytes in a shape
 
 
 def senders_of(bus: int | Array, node: int | Array, code: int | Array) -> Array:
     """Return each sender and type as one number; nodes and codes may be -1 for none."""
-    who = np.asarray(bus, np.int64) << _NODE_BITS | (np.asarray(node, np.int64) + 1)
-    found: Array = who << _CODE_BITS | (np.asarray(code, np.int64) + 1)
+    bus, node, code = (np.asarray(one, np.int64) for one in (bus, node, code))
+    found: Array = _sender(bus, node, code)
     return found
+
+
+def _sender(bus: Any, node: Any, code: Any) -> Any:
+    return (bus << _NODE_BITS | node + 1) << _CODE_BITS | code + 1
 
 
 def shapes_of(frames: int | Array, received: int | Array) -> Array:
@@ -72,21 +77,31 @@ class KnownCauses:
 
     def __init__(self) -> None:
         self._known = Causes(MOST_SENDERS, MOST_SHAPES)
+        self._new: list[tuple[int, int, int]] = []  # noted one by one since
         self.whats = [form.what for form in FORMS]
 
-    def note(self, sender: int, shape: int, what: str) -> None:
-        """Note a cause by its words."""
+    def note(self, source: tuple[int, int, int], frames: int, received: int, what: str) -> None:
+        """Note a cause by its words, of one transfer: bus, node and type, frames and bytes that came."""
         if what not in self.whats:
             self.whats.append(what)
-        self.note_all(*(np.array([one], np.int64) for one in (sender, shape, self.whats.index(what))))
+        self._new.append((_sender(*source), frames << _FRAMES_BIT | received, self.whats.index(what)))
+        if len(self._new) >= _AT_ONCE:
+            self._settle()
 
     def note_all(self, senders: Array, shapes: Array, causes: Array) -> None:
         """Note many that were found."""
+        self._settle()
         self._known.note(senders, shapes, causes.astype(np.int64))
+
+    def _settle(self) -> None:
+        if self._new:
+            self._known.note(*np.array(self._new, np.int64).T.copy())
+            self._new.clear()
 
     def like_all(self, senders: Array, shapes: Array) -> Array:
         """Return the cause of (nearly) all of each sender that had this shape, or else of all.
 
         That of `NOT_SEARCHED` if there is no such cause.
         """
+        self._settle()
         return cells(self._known.like(senders, shapes, _NEARLY_ALL, GONE), np.int64)

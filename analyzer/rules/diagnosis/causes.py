@@ -36,6 +36,11 @@ class Cause(NamedTuple):
     what: str
     detail: str = ""
 
+    def behind(self, text: str) -> str:
+        """Return all of it behind a text."""
+        text += self.what
+        return FrameText(text, self.detail) if isinstance(self.detail, FrameText) else text + self.detail
+
 
 def ordinal(number: int) -> str:
     """Return `1st`, `2nd`, `3rd`, `4th`, and so on."""

@@ -79,19 +79,23 @@ class FrameSearch:
 
 
 _Lists = tuple["Array", "Array"]
+_NONE = np.zeros(1, np.int64), np.empty(0, np.uint64)
+_NOTHING = FrameSearch(np.empty(0, np.uint8), np.empty(0, np.uint8), np.empty(0, np.int64), _NONE, _NONE)
 
 
 def _list(lists: _Lists, k: int) -> list[int]:
     offsets, numbers = lists
-    found: list[int] = numbers[offsets[k] : offsets[k + 1]].tolist()
+    found: list[int] = numbers[offsets.item(k) : offsets.item(k + 1)].tolist()
     return found
 
 
 def ask(view: View, question: int, lists: FrameLists) -> FrameSearch:
     """Return what the core finds out about lists of frames."""
     numbers, offsets, code, fd = lists
+    if not len(code):
+        return _NOTHING
     codes, which = np.unique(code, return_inverse=True)
-    low, high = (int(numbers.min()), int(numbers.max())) if len(numbers) else (0, 0)
+    low, high = int(numbers.min()), int(numbers.max())
     types = [
         ([crc_start(one) for one in view.types.signatures(code)], view.types.fixed_bytes(code))
         for code in codes.tolist()

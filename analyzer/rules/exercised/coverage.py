@@ -63,14 +63,14 @@ class Tracker:
             table = view.table(name)
             if table is None:
                 continue
-            count = int(np.count_nonzero(table.trusted))
+            count = table.good
             if inner:
                 self._packets[packet] += count
             elif name in self._types or (len(self._types) < MOST_TYPES and carrier not in self._carriers):
                 self._types[name] = self._types.get(name, 0) + count
             for column, field_ in self._columns.get(name, ()):
                 if column in table:
-                    good = table.trusted & table.has(column)
+                    good = table.has(column) if count == len(table) else table.trusted & table.has(column)
                     self._count(field_, table[column] if good.all() else table[column][good])
 
     def finish(self) -> Seen:

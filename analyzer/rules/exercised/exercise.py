@@ -1,4 +1,4 @@
-"""Words for what a capture exercised, as pages use them for what a rule needs, and counts of each type and code.
+"""Words for what a capture exercised, as pages use them for what a rule needs.
 
 `dissectors.keys.pages` lists the words.
 """
@@ -12,37 +12,24 @@ import numpy as np
 from analyzer.rules.turning import Turning
 from analyzer.tables import FD, KINDS, STATUSES, distinct
 from dissectors.kit import Measures
-from dissectors.records import dataclass
-from dissectors.schema import ArrayType, CompoundType, PrimitiveType
+from dissectors.schema import ArrayType, CompoundType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
     from dissectors import Registry
     from dissectors.kit import DecodedTable, Exercise, View
     from dissectors.schema import CompoundType as Layout
-    from dissectors.schema import Note, Type
+    from dissectors.schema import Type
 
 MOST_PAIRED = 64  # tables whose order is followed
 MOST_SENDERS = 1 << 16  # of bus, node and type; nodes that come later have one type each
 _ANONYMOUS, _REQUEST = KINDS.index("anonymous"), KINDS.index("request")
 _UNCHECKED, _BAD_CRC = STATUSES.index("unchecked"), STATUSES.index("bad crc")
-_WIDEST = 2  # bytes of a code that is counted
-
-
-@dataclass(frozen=True, slots=True)
-class _Kind:
-    """Facts about a table: words of its layout, its columns of codes with the texts of these."""
-
-    words: frozenset[str]
-    codes: Mapping[str, Mapping[int, str]]
 
 
 class Exercises:
-    """Collects words over batches.
-
-    `types` counts the rows of messages by table, `packets` those of packets, `values` the codes of fields with an
-    enumeration, by their texts (a code without one by its number); all of complete transfers with a good CRC.
+    """Collects words over batches; those of types and packets of complete transfers with a good CRC.
 
     Args:
         registry: the types that the capture is decoded with.
@@ -50,14 +37,12 @@ class Exercises:
     """
 
     def __init__(self, registry: Registry, more: Iterable[type[Exercise]]) -> None:
-        self.types: dict[str, int] = {}
-        self.packets: dict[str, int] = {}
-        self.values: dict[str, dict[str, int]] = {}
         self._packets = registry.packets
         self._more = [kind() for kind in more]
         self._turning = Turning(registry)
         self._words: set[str] = set()
-        self._kinds: dict[str, _Kind] = {}
+        self._kinds: dict[str, frozenset[str]] = {}  # words of each table
+        self._seen: set[str] = set()  # tables
         self._spans: dict[str, tuple[int, int]] = {}
         self._buses: set[int] = set()
         self._senders: set[int] = set()
@@ -67,9 +52,9 @@ class Exercises:
         self._transport(view)
         for name in view.tables():
             table = view.table(name)
-            kind = self._kind(view, name)
-            if table is not None and kind is not None:
-                self._table(name, table, kind)
+            words = self._words_of(view, name)
+            if table is not None and words is not None and table.good:
+                self._table(name, table, words)
         self._turning.feed(view)
         for one in self._more:
             one.feed(view)
@@ -122,35 +107,14 @@ class Exercises:
         if "several types" in self._words or len(self._senders) > MOST_SENDERS:
             self._senders.clear()
 
-    def _table(self, name: str, table: DecodedTable, kind: _Kind) -> None:
-        trusted = table.trusted
-        count = int(np.count_nonzero(trusted))
-        if not count:
-            return
-        counts = self.packets if name in self._packets else self.types
-        if name not in counts:
-            word = f"packet:{self._packets[name].name}" if name in self._packets else f"type:{name}"
-            self._words.update(kind.words, (word,))
-        counts[name] = counts.get(name, 0) + count
-        for column, texts in kind.codes.items():
-            self._count(f"{name}.{column}", table, column, texts, whole=count == len(table))
+    def _table(self, name: str, table: DecodedTable, words: frozenset[str]) -> None:
+        if name not in self._seen:
+            self._seen.add(name)
+            self._words |= words
         if name in self._spans or len(self._spans) < MOST_PAIRED:
-            numbers = table["transfer"] if count == len(table) else table["transfer"][trusted]
-            first, last = self._spans.get(name, (int(numbers[0]), 0))
-            self._spans[name] = first, max(last, int(numbers[-1]))
-
-    def _count(self, path: str, table: DecodedTable, column: str, texts: Mapping[int, str], *, whole: bool) -> None:
-        codes = table[column] if column in table else np.empty(0)
-        if codes.dtype.kind != "u" or codes.dtype.itemsize > _WIDEST:
-            return
-        valid = table.has(column)
-        if not (whole and valid.all()):
-            codes = codes[table.trusted & valid]
-        counts = np.bincount(codes)
-        seen = self.values.setdefault(path, {})
-        for code in np.flatnonzero(counts).tolist():
-            text = texts.get(code, str(code))
-            seen[text] = seen.get(text, 0) + int(counts[code])
+            numbers = table["transfer"] if table.good == len(table) else table["transfer"][table.trusted]
+            first, last = self._spans.get(name) or (numbers.item(0), 0)
+            self._spans[name] = first, max(last, numbers.item(-1))
 
     def _pairs(self) -> Iterator[str]:
         """Yield which tables came after which: the last one of B after the first one of A."""
@@ -160,13 +124,15 @@ class Exercises:
                 if before != after and first <= last:
                     yield f"pair:{short[before]}>{short[after]}"
 
-    def _kind(self, view: View, name: str) -> _Kind | None:
+    def _words_of(self, view: View, name: str) -> frozenset[str] | None:
+        """Return the words of a table; None for one that nothing describes."""
         if name not in self._kinds:
-            of = self._packets.get(name) or view.definition(name)
+            packet = self._packets.get(name)
+            of = packet or view.definition(name)
             if of is None:
                 return None
-            words = frozenset() if name in self._packets else frozenset(_words(of.layout))
-            self._kinds[name] = _Kind(words, dict(_codes(of.layout, of.notes)))
+            own = (f"type:{name}", *_words(of.layout)) if packet is None else (f"packet:{packet.name}",)
+            self._kinds[name] = frozenset(own)
         return self._kinds[name]
 
 
@@ -186,16 +152,3 @@ def _words(layout: Layout) -> Iterator[str]:
                 yield "unions"
         elif one.kind in ("float", "void"):
             yield f"{one.kind}s"
-
-
-def _codes(layout: Layout, notes: Mapping[str, Note]) -> Iterator[tuple[str, Mapping[int, str]]]:
-    """Yield columns of codes that have texts."""
-    for member in layout.fields:
-        note = notes.get(member.name)
-        if note is None or not isinstance(member.type, PrimitiveType):
-            continue
-        if note.enum:
-            yield member.name, {**note.enum, **note.special}
-        for part in note.parts:
-            if part.enum:
-                yield f"{member.name}.{part.name}", part.enum

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analyzer.rules.bus.keyed import KeyedRows
     from dissectors.kit import Array
 
+UNASKED = 255  # in place of what is `seen`
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
 
 
@@ -23,7 +24,7 @@ class LackRows(NamedTuple):
     `session` is a `Session.code`. A place counts the frames of the bus that have a sender and a time. `tail` is what
     the second frame has in its tail byte, `wanted` what it should have, `window` how far joint ones are apart at most,
     in ns, `left` the frame at which the session left off where it goes on now, or -1. `void` says that nothing is
-    missing: frames only came in another order.
+    missing: frames only came in another order. `seen` is what `Repeats` found out of the frames around it.
     """
 
     session: Array
@@ -39,11 +40,13 @@ class LackRows(NamedTuple):
     window: Array
     left: Array
     void: Array
+    seen: Array
 
     @classmethod
     def none(cls) -> LackRows:
         """Return no rows."""
-        return cls._make(np.empty(0, bool if name == "void" else np.int64) for name in cls._fields)
+        kinds = {"void": bool, "seen": np.uint8}
+        return cls._make(np.empty(0, kinds.get(name, np.int64)) for name in cls._fields)
 
     @classmethod
     def joined(cls, parts: Sequence[LackRows]) -> LackRows:

@@ -17,7 +17,7 @@ from analyzer.rules.bus.sessions import (
     of_responses,
     of_service,
 )
-from analyzer.rules.joint.lack_rows import LATEST, LackRows, compared
+from analyzer.rules.joint.lack_rows import LATEST, UNASKED, LackRows, compared
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import NO_TIME
@@ -193,6 +193,7 @@ class Lacks:
             code, node_of(code), before["number"][lacks], mine.number, before["t"][lacks], mine.t,
             before["place"][lacks], mine.place, (mine.tail & _FOLLOWS).astype(np.int64),
             wanted[lacks].astype(np.int64), np.clip(FEW * each, WINDOW, WIDEST), none, np.zeros(len(lacks), bool),
+            np.full(len(lacks), UNASKED, np.uint8),
         )  # fmt: skip
 
     def _near_end(self, rows: Array, codes: Array, own: _Wanted, end: int) -> Array:

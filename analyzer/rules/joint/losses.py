@@ -106,37 +106,39 @@ class JointLossSearch:
 
     def _told(self, view: View, bus: int, lacks: LackRows, due: Array) -> Iterator[JointLosses]:
         """Yield what is joint of those that are due."""
-        known = np.flatnonzero(~lacks.void & self._lacks.known(lacks, WIDEST))
-        lacks, due = lacks.take(known), due[known]
-        joint = self._joint(bus, lacks, np.arange(len(known)))
-        again = self._repeats.among(lacks.take(joint.which))
+        fit = self._lacks.known(lacks, WIDEST)
+        fit &= ~lacks.void
+        joint = self._joint(bus, lacks, np.flatnonzero(fit))
+        again = self._repeats.among(lacks, joint.which)
         if again.any():
-            joint = self._joint(bus, lacks, np.delete(np.arange(len(known)), joint.which[again]))
+            fit[joint.which[again]] = False
+            joint = self._joint(bus, lacks, np.flatnonzero(fit))
         good = due[joint.which]
         good[good] = ~self._strain.on(bus, joint.since[good], joint.until[good], view.bit_rate)
         if not good.any():
             return
-        every = lacks.take(joint.which)
-        begun, at = np.unique(every.since, return_inverse=True)
+        begun, at = np.unique(lacks.since[joint.which], return_inverse=True)
         latest = np.zeros(len(begun), np.int64)
-        np.maximum.at(latest, at, every.number)
-        some, since = every.take(good), joint.since[good]
+        np.maximum.at(latest, at, lacks.number[joint.which])
+        which, since = joint.which[good], joint.since[good]
+        number, window = lacks.number[which], lacks.window[which]
         place = np.minimum(np.searchsorted(begun, since), len(begun) - 1)
         yield JointLosses(
-            np.full(len(since), bus), since, joint.until[good], some.number, some.behind, joint.senders[good],
-            some.window - WINDOW, np.where(begun[place] == since, latest[place], some.number),
+            np.full(len(since), bus), since, joint.until[good], number, lacks.behind[which], joint.senders[good],
+            window - WINDOW, np.where(begun[place] == since, latest[place], number),
         )  # fmt: skip
 
     def _joint(self, bus: int, lacks: LackRows, some: Array) -> _Joint:
         """Return those that are joint among some rows."""
-        ours = lacks.take(some)
-        given = ours.since, ours.until, ours.place, ours.place_behind, ours.window
-        found = joint((*given, ours.node.astype(np.uint8)), APART, NEARBY)
-        of, near, since, until = (cells(column, np.int64) for column in found)
+        since, until, place, behind, window = (
+            column[some] for column in (lacks.since, lacks.until, lacks.place, lacks.place_behind, lacks.window)
+        )
+        found = joint((since, until, place, behind, window, lacks.node[some].astype(np.uint8)), APART, NEARBY)
+        of, near, begun, ended = (cells(column, np.int64) for column in found)
         known = np.sort(np.fromiter(self._lacks.nodes.get(bus, {}).values(), np.int64))
-        senders = np.searchsorted(known, (ours.until + ours.window)[of], "right")
+        senders = np.searchsorted(known, (until + window)[of], "right")
         enough = near >= np.clip(senders, 2, ENOUGH)
-        return _Joint(some[of[enough]], near[enough], since[enough], until[enough])
+        return _Joint(some[of[enough]], near[enough], begun[enough], ended[enough])
 
 
 def _joined(parts: Sequence[JointLosses]) -> JointLosses:

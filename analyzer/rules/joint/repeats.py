@@ -10,6 +10,7 @@ import numpy as np
 from analyzer._native import repeats
 from analyzer.decode.sent import cells
 from analyzer.rules.joint.alike import identities
+from analyzer.rules.joint.lack_rows import UNASKED
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ _HELD = 1 << 17  # frames at least; what is older is not looked for
 _NEAR = SECOND  # so far apart is what the same piece of a capture does to sessions
 _FEW = 8  # frames in a row may have the same bytes before the tail: an uptime, for one
 _NEW, _ONCE = 0, 2  # what a frame is, as the core says
+_WIDTH = 2  # bits of that
 
 
 class Repeats:
@@ -29,8 +31,6 @@ class Repeats:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._held = 0
-        self._known: Array = np.empty(0, np.int64)  # frames that somebody asked for, in order,
-        self._kinds: Array = np.empty(0, np.uint8)  # and what each one is
 
     def feed(self, frames: FrameTable) -> None:
         """Add the newest batch."""
@@ -40,27 +40,26 @@ class Repeats:
         self._held += len(frames)
         while self._held - len(self._batches[0]) >= _HELD:
             self._held -= len(self._batches.popleft())
-        gone = np.searchsorted(self._known, self._batches[0].first)
-        self._known, self._kinds = self._known[gone:], self._kinds[gone:]
 
-    def among(self, lacks: LackRows) -> Array:
-        """Return a mask of those where nothing is missing: frames came again or went on behind those.
+    def among(self, lacks: LackRows, rows: Array) -> Array:
+        """Return a mask of those rows where nothing is missing: frames came again or went on behind those.
 
         Bytes that come by themselves each time an ID comes round show that only beside others. One session is enough
-        if no other one shows new bytes.
+        if no other one shows new bytes. What is found out of a row is kept in it: it is asked for again and again.
         """
-        found = np.zeros(len(lacks.until), bool)
-        kind, behind = self._of(lacks)
+        self._note(lacks, rows)
+        seen, found = lacks.seen[rows], np.zeros(len(rows), bool)
+        kind, behind = seen & (1 << _WIDTH) - 1, seen >> _WIDTH
         if not kind.any():
             return found
-        until = lacks.until
+        until = lacks.until[rows]
         order = np.argsort(until, kind="stable")
         times = until[order]
         old = np.flatnonzero(kind != _NEW)
         first = np.searchsorted(times, until[old] - _NEAR)
         last = np.searchsorted(times, until[old] + _NEAR, "right")
         once = np.flatnonzero(kind[order] == _ONCE)
-        of = lacks.session[order][once]
+        of = lacks.session[rows[order[once]]]
         other = np.maximum.accumulate(np.where(np.diff(of, prepend=-1) != 0, np.arange(len(of)), 0))
         begin, end = np.searchsorted(once, first), np.searchsorted(once, last)
         fresh = np.append(0, np.cumsum(behind[order] == _NEW))
@@ -69,24 +68,19 @@ class Repeats:
         found[old[some]] = several | (fresh[first[some]] == fresh[last[some]])
         return found
 
-    def _of(self, lacks: LackRows) -> tuple[Array, Array]:
-        """Return what each lack is by the frames around it, and what the frame behind it is."""
-        left = np.where(lacks.left < 0, lacks.behind, lacks.left)
-        numbers = np.stack((lacks.number, lacks.behind, left), axis=1).ravel()
-        self._search(np.unique(numbers))
-        kinds = self._kinds[np.searchsorted(self._known, numbers)].reshape(-1, 3)
-        return kinds.max(axis=1), kinds[:, 1]
-
-    def _search(self, numbers: Array) -> None:
-        """Find out what frames are that nobody asked for before; `numbers` are in order."""
-        unknown = np.setdiff1d(numbers, self._known, assume_unique=True)
-        if not len(unknown):
+    def _note(self, lacks: LackRows, rows: Array) -> None:
+        """Note what rows are by the frames around them, and what the frame behind each is."""
+        rows = rows[lacks.seen[rows] == UNASKED]
+        if not len(rows):
             return
-        at = np.searchsorted(self._known, unknown)
-        self._known = np.insert(self._known, at, unknown)
-        self._kinds = np.insert(self._kinds, at, self._asked(unknown))
+        behind, left = lacks.behind[rows], lacks.left[rows]
+        around = np.stack((lacks.number[rows], behind, np.where(left < 0, behind, left)))
+        numbers, which = np.unique(around, return_inverse=True)
+        kinds = self._asked(numbers)[which.reshape(around.shape)]
+        lacks.seen[rows] = kinds.max(axis=0) | kinds[1] << _WIDTH
 
     def _asked(self, numbers: Array) -> Array:
+        """Return what frames are, whose numbers are in order."""
         kinds = np.full(len(numbers), _NEW, np.uint8)
         held = [frames for frames in self._batches if frames.first <= numbers[-1]]
         low = int(numbers[0]) - LOOK

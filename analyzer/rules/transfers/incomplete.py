@@ -54,11 +54,15 @@ FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
 
 def take_row(t: TransferTable, rule: str, row: int, ended: str = "") -> Incomplete:
     """Return the transfer in a row of a batch, as breach of a rule."""
-    who = t.t.item(row), t.bus.item(row), t.src.item(row), t.code.item(row), bool(t.fd.item(row))
-    crc, by_crc = bool(t.has("crc_wire").item(row)), rule in BY_CRC
-    wire, here = (t.crc_wire.item(row), t.crc_here.item(row)) if crc and by_crc else (0, 0)
-    received, payload = t.length.item(row) + 2 * crc, t.payload(row) if by_crc else b""
-    return Incomplete(rule, *who, t.frames(row), wire, here, payload, received, t.t_end.item(row), ended=ended)
+    crc, wire, here, payload = t.has("crc_wire").item(row), 0, 0, b""
+    if rule in BY_CRC:
+        payload = t.payload(row)
+        if crc:
+            wire, here = t.crc_wire.item(row), t.crc_here.item(row)
+    return Incomplete(
+        rule, t.t.item(row), t.bus.item(row), t.src.item(row), t.code.item(row), t.fd.item(row), t.frames(row),
+        wire, here, payload, t.length.item(row) + 2 * crc, t.t_end.item(row), ended,
+    )  # fmt: skip
 
 
 def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int] = ()) -> Occurrence:
@@ -72,9 +76,9 @@ def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int]
 
 def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     """Return what the text of its rule is filled with."""
-    why = {"cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
     if one.rule == SEQUENCE:
         return {"cause": cause.what, "detail": cause.detail, "frame": FrameNumber.at(_break_at(view, one.frames))}
+    why = {"cause": cause.what, "why": cause.behind(": ")}
     if one.rule == CUT:
         return why | {"frames": len(one.frames), "bytes": one.received}
     if one.rule == LATE:
@@ -108,4 +112,4 @@ def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: b
     """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
     one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
     cause = turned_bit(one)
-    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
+    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": cause.behind(": ")}

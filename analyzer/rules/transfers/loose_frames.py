@@ -22,14 +22,15 @@ _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _BUS = 32  # bits below the bus in a session
 
 
-_KINDS = (*[np.int64] * 3, np.uint32, np.uint16, *[np.uint8] * 2, *[np.int16] * 2, np.int32, object)  # of its columns
+# Of its columns.
+_KINDS = (*[np.int64] * 3, np.uint32, np.uint16, *[np.uint8] * 2, *[np.int16] * 2, np.int32, object, bool)
 
 
 class LooseFrames(NamedTuple):
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `lines` are kept of frames that may be gone when they are needed, else they are empty.
+    data. `lines` are `kept` of frames that may be gone when they are needed, else they are empty.
     """
 
     number: Array
@@ -43,6 +44,7 @@ class LooseFrames(NamedTuple):
     node: Array
     code: Array
     lines: Array
+    kept: Array
 
     @classmethod
     def none(cls) -> LooseFrames:
@@ -56,7 +58,7 @@ class LooseFrames(NamedTuple):
         id_, flags, verdict = f.id[rows], f.flags[rows], f.verdict[rows]
         sender = who(id_, flags, np.where(verdict == _FOREIGN, _USED, verdict))
         cells = rows + f.first, session, f.t[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
-        return cls._of((*cells, np.full(len(rows), "", object)))
+        return cls._of(cells)
 
     @classmethod
     def of_kept(cls, found: Iterable[tuple[int, int, Kept, int, int]]) -> LooseFrames:
@@ -65,12 +67,14 @@ class LooseFrames(NamedTuple):
             (number, session, kept.t, *kept[2:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), *who)
             for number, session, kept, *who in found
         ]
-        columns = np.array(rows, np.int64).reshape(-1, len(cls._fields) - 1).T
-        return cls._of((*columns, np.full(len(rows), "", object)))
+        return cls._of(np.array(rows, np.int64).reshape(-1, len(cls._fields) - 2).T.copy())
 
     @classmethod
     def _of(cls, columns: Iterable[Array]) -> LooseFrames:
-        return cls._make(column.astype(kind) for column, kind in zip(columns, _KINDS, strict=True))
+        """Return them by all columns but those of lines."""
+        cells = [column.astype(kind, copy=False) for column, kind in zip(columns, _KINDS[:-2], strict=True)]
+        rows = len(cells[0])
+        return cls._make((*cells, np.full(rows, "", object), np.zeros(rows, bool)))
 
     @classmethod
     def joined(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
@@ -93,8 +97,10 @@ class LooseFrames(NamedTuple):
 
     def keep_lines(self, view: View, end: int) -> None:
         """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
-        rows = np.flatnonzero(~self.lines.astype(bool) & (self.number < end))
-        self.lines[rows] = view.each_line(self.number[rows])
+        rows = (~self.kept & (self.number < end)).nonzero()[0]
+        if len(rows):
+            self.lines[rows] = lines = view.each_line(self.number[rows])
+            self.kept[rows] = lines.astype(bool)
 
     @property
     def senders(self) -> Array:
@@ -123,5 +129,5 @@ class LooseFrames(NamedTuple):
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=node, type=code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=(lambda k: (lines[k],)) if all(lines.tolist()) else None,
+            lines=(lambda k: (lines[k],)) if self.kept.all() else None,
         )  # fmt: skip

@@ -57,8 +57,8 @@ class _Remainders(NamedTuple):
     @property
     def old(self) -> Array:
         """A mask of those with frames that may be gone."""
-        kept = self.frames.lines.astype(bool)
-        return np.logical_or.reduceat(kept, self.offsets[:-1])
+        found: Array = np.logical_or.reduceat(self.frames.kept, self.offsets[:-1])
+        return found
 
     def numbers(self, k: int) -> list[int]:
         """Return the frames of one."""
@@ -69,7 +69,7 @@ class _Remainders(NamedTuple):
         """Return the lines of some."""
         offsets, places = picked(self.offsets, rows)
         kept = self.frames.lines[places]
-        new = np.flatnonzero(~kept.astype(bool))
+        new = (~self.frames.kept[places]).nonzero()[0]
         kept[new] = view.each_line(self.frames.number[places[new]])
         every = kept.tolist()
         return [tuple(filter(None, every[low:high])) for low, high in pairwise(offsets.tolist())]
@@ -102,11 +102,11 @@ class _Told(NamedTuple):
         """Return what stands instead of the severity of the rule."""
         return "note" if self.early[k] else None
 
-    def occurrence(self, view: View, k: int) -> Occurrence:
-        """Return one."""
+    def occurrence(self, view: View, k: int, lines: tuple[str, ...]) -> Occurrence:
+        """Return one with its lines."""
         first = self.first
-        t, bus, node, code = (column.item(k) for column in (first.t, first.bus, first.node, first.code))
-        frames, lines = self.of.numbers(k), self.of.lines(view, np.array([k]))[0]
+        t, node, code = (column.item(k) for column in (first.t, first.node, first.code))
+        (bus, _), frames = first.whose(k), self.of.numbers(k)
         return Occurrence(
             "TRF-005", t, bus, None if node < 0 else node, view.type_name(code), tuple(frames), self.values(k),
             severity=self.severity(k), drops=True, lines=lines,
@@ -201,12 +201,17 @@ class MissingStart:
             wanted &= ~(early & self._first(told.first))
         held_back, goes_on = np.zeros(len(what), bool), np.zeros(len(what), bool)
         kinds = told.first.session << _WHAT_BITS | what
-        excused = np.concatenate((kinds[early], np.array([*self._early_ones], np.int64)))
-        rows = np.flatnonzero(wanted & np.isin(kinds, excused))
+        rows, new = np.flatnonzero(wanted), {*kinds[early].tolist()}
+        each = zip(rows.tolist(), kinds[rows].tolist(), strict=True)
+        rows = np.array([k for k, kind in each if kind in new or kind in self._early_ones], np.int64)
+        lines: dict[int, tuple[str, ...]] = {}
         for k, kind, is_early in zip(*(column.tolist() for column in (rows, kinds[rows], early[rows])), strict=True):
             if is_early and self._excused < MOST_EARLY:
                 self._excused += 1
-                self._early_ones.setdefault(kind, []).append(told.occurrence(view, k))
+                if not lines:  # all of them at once
+                    some = rows[early[rows]]
+                    lines = dict(zip(some.tolist(), closed.lines(view, some), strict=True))
+                self._early_ones.setdefault(kind, []).append(told.occurrence(view, k, lines[k]))
                 held_back[k] = True
                 continue
             goes_on[k] = kind in self._early_ones

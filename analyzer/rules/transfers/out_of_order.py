@@ -116,10 +116,12 @@ class OutOfOrder:
 
 def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
     """Yield earlier frames of a session, the last one first."""
-    for earlier in reversed(view.numbers_between(number - most, number, bus, session)):
-        other = view.frame(earlier)
-        if other is not None and other.data:
-            yield earlier, other
+    low = max(number - most, 0)
+    for index in reversed(view.indexes(low, number)):
+        for earlier in reversed(index.numbers(low, number, bus, session)):
+            other = view.frame(earlier)
+            if other is not None and other.data:
+                yield earlier, other
 
 
 def _copy(view: View, copies: LooseFrames, k: int) -> Values:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
+_OUT_OF_ORDER = np.array([verdict in KINDS for verdict in range(len(VERDICTS))])
 _CLOSE = 64  # frames before a start in which the one before it is looked for
 _AT_ONCE = 1 << 10  # starts for which that is done
 _WIDTH = SESSION.bit_length()
@@ -121,7 +122,7 @@ class UnassignedFrames(Rule):
     def _corrected(self, view: View) -> _Held:
         """Return frames that turned out to be DroneCAN's."""
         settled = view.settled
-        if len(settled.number):
+        if len(settled.number) and len(self._held.kinds):
             self._let_go(np.isin(self._held.frames.number, settled.number))
         late = settled.of(np.flatnonzero(settled.known & (settled.verdict != _FOREIGN)))
         session = late.bus << 32 | session_bits(late.id, late.verdict)
@@ -139,13 +140,13 @@ class UnassignedFrames(Rule):
         frames = held.frames
         if not len(frames.number):
             return
-        gone = frames.lines.astype(bool)
-        of_kind = [(kind, held.kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS)]
-        each = [(kind, np.flatnonzero(mask & now)) for kind, mask in of_kind for now in (~gone, gone)]
+        every = int(np.bitwise_or.reduce(held.kinds))
+        of_kind = [(kind, held.kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS) if every >> k & 1]
+        each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~frames.kept, frames.kept)]
         for kind, rows in sorted((one for one in each if len(one[1])), key=lambda one: one[1].item(0)):
             some = frames.take(rows)
             yield some.breaches(kind.rule, partial(_values_of, kind, some), severity=kind.severity)
-        self._out_of_order.add(frames.take(np.isin(frames.verdict, KINDS)))
+        self._out_of_order.add(frames.take(_OUT_OF_ORDER[frames.verdict]))
 
 
 def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
@@ -154,6 +155,8 @@ def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     for k, kind in enumerate(_KINDS):
         found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int16(1 << k)
     starts = np.flatnonzero(found & _STARTS)
+    if not len(starts):
+        return found
     later = _goes_on(view, frames.take(starts))
     found[starts] &= ~np.where(later, 1 << _WRONG_START, 1 << _GOES_ON)
     return found

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.diagnosis import checksums
-from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget, alike, senders_of, shapes_of
+from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget, alike
 from analyzer.rules.diagnosis.causes import GONE, NOTED, NOTHING, OTHER_ID_FORM, SHORT, Cause
 from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.formulas import Formulas
@@ -201,8 +201,7 @@ class WrongCrcs:
             said = Said(answer.cause(), drops=True)
         else:
             said = Said(bit if flags & LENGTHS else Cause(checksums.DOUBTFUL), drops=True)
-        shape = shapes_of(len(one.frames), one.received)
-        self._causes.note(int(senders_of(*one.source)), int(shape), said.cause.what)
+        self._causes.note(one.source, len(one.frames), one.received, said.cause.what)
         return [said]
 
     def _common(self, view: View, one: Incomplete) -> Cause | None:

@@ -42,34 +42,42 @@ class _Rows:
 
     def found(self) -> Iterator[Occurrences]:
         table, left, shape = self._table, self._left, self._shape
-        unread = left.view(np.uint32) >= BYTE  # missing bits are negative
         tagged, dirty, full = table["bad_tag"], table["pad_nonzero"], self._full()
-        odd = np.flatnonzero((unread | tagged | dirty | full) & table.trusted)
+        unread = left.view(np.uint32) >= BYTE  # missing bits are negative
+        any_ = unread | tagged
+        any_ |= dirty
+        if full is not None:
+            any_ |= full
+        if table.good < len(table):
+            any_ &= table.trusted
+        odd = any_.nonzero()[0]
         if not len(odd):
             return
-        code = table["layout"][odd]
-        classic = ~self._view.transfers.fd[table.row[odd]]
-        length = self._view.transfers.length[table.row[odd]]
-        least = np.where(code == TAIL, *shape.least)
-        left = left[odd]
-        yield from self._say("TYP-001", odd[(left < 0) & (length < least)], self._short)
-        bare = classic & (code == TAIL)
+        transfers, left, tagged, dirty = table.row[odd], left[odd], tagged[odd], dirty[odd]
+        tail, length = table["layout"][odd] == TAIL, self._view.transfers.length[transfers]
+        short, bare = left < 0, tail & ~self._view.transfers.fd[transfers]
+        if short.any():
+            yield from self._say("TYP-001", odd[short & (length < np.where(tail, *shape.least))], self._short)
         yield from self._say("TYP-002", odd[bare & (length > shape.most)], self._long)
-        padded = odd[dirty[odd] & (left > 0) & (left < BYTE) & ~tagged[odd]]
-        yield from self._say("TYP-003", [row for row in padded.tolist() if self._value(row)], self._padding)
+        if dirty.any():
+            padded = odd[dirty & (left > 0) & (left < BYTE) & ~tagged]
+            yield from self._say("TYP-003", [row for row in padded.tolist() if self._value(row)], self._padding)
         if shape.tail is not None:
-            yield from self._of_tail(shape.tail, odd[bare & (left >= BYTE) & ~tagged[odd]])
-        closer = tagged[odd] | (dirty[odd] & shape.voids) | ((unread[odd] | full[odd]) & shape.counted)
+            yield from self._of_tail(shape.tail, odd[bare & (left >= BYTE) & ~tagged])
+        closer = tagged
+        if shape.voids:
+            closer |= dirty
+        if shape.counted:
+            closer |= unread[odd] if full is None else unread[odd] | full[odd]
         yield from self._closer(odd[closer])
 
-    def _full(self) -> Array:
-        """Return rows with an array that has all the elements it may have: its length may say more."""
-        full = np.zeros(len(self._table), bool)
-        tail = self._shape.tail
-        coded = bool((self._table["layout"] >= PREFIX).any())
+    def _full(self) -> Array | None:
+        """Return rows with an array that has all the elements it may have: its length may say more; None for none."""
+        full, tail = None, self._shape.tail
         for name, most in self._shape.lists.items():
-            if coded or tail is None or name != tail.field:
-                full |= self._table.counts(column_of(self._table, name)) >= most
+            if tail is None or name != tail.field or (self._table["layout"] >= PREFIX).any():
+                whole = self._table.counts(column_of(self._table, name)) >= most
+                full = whole if full is None else full | whole
         return full
 
     def _say(self, rule: str, rows: Any, values: Any) -> Iterator[Occurrences]:
@@ -78,7 +86,9 @@ class _Rows:
 
     def _of_tail(self, tail: Tail, rows: Array) -> Iterator[Occurrences]:
         column = column_of(self._table, tail.field) if "." not in tail.field else ""
-        rows = rows[self._table.has(column)[rows]] if column else rows
+        rows = rows[self._table.has(column)[rows]] if column and len(rows) else rows
+        if not len(rows):
+            return
         low, high = tail.bits
         left = self._left[rows].astype(np.int64)
         if low == high and column:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Bits, Note
 
 LIMITS, NAMES = "TYP-013", "TYP-014"
+_WIDEST = 2  # bytes of numbers that are looked up in a table
 _MOST_NAMED = 8  # codes that a text lists
 _SCALARS = ("uint", "int", "float", "bool")
 
@@ -76,18 +78,10 @@ class NotedColumn:
         """Return which numbers are beyond the limits; NaN is not."""
         wrong = np.zeros(len(shown), bool)
         if self.low is not None:
-            wrong |= shown < self._limit(self.low, -1)
+            wrong |= shown < _limit(self.low, -1, self.float_bits, self.scale)
         if self.high is not None:
-            wrong |= shown > self._limit(self.high, 1)
+            wrong |= shown > _limit(self.high, 1, self.float_bits, self.scale)
         return wrong if self.word else wrong & ~self._in(shown, self.special)
-
-    def _limit(self, raw: Fraction, side: int) -> float:
-        """Return a limit as the column would show it, beyond which numbers are wrong on one side."""
-        if self.float_bits:  # as a sender rounds it; the column rounds once more where it is scaled
-            sent = float(np.dtype(f"f{self.float_bits // 8}").type(float(raw)))
-            return sent if self.scale == 1 else float(np.nextafter(sent * float(self.scale), side * np.inf))
-        # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
-        return float((raw + Fraction(side, 2)) * self.scale)
 
     def part_of(self, words: Array) -> Array:
         """Return this part of words, scaled."""
@@ -98,7 +92,27 @@ class NotedColumn:
         return ~self._in(shown, self.enum if self.word else [*self.enum, *self.special])
 
     def _in(self, shown: Array, codes: Iterable[int]) -> Array:
-        return np.isin(np.rint(shown / float(self.scale)), list(codes)) if codes else np.zeros(len(shown), bool)
+        if not codes:
+            return np.zeros(len(shown), bool)
+        if shown.dtype.kind == "u" and shown.dtype.itemsize <= _WIDEST and self.scale == 1:
+            return _table(tuple(codes), shown.dtype.itemsize)[shown]
+        return np.isin(np.rint(shown / float(self.scale)), list(codes))
+
+
+@lru_cache(maxsize=256)
+def _limit(raw: Fraction, side: int, float_bits: int, scale: Fraction) -> float:
+    """Return a limit as a column would show it, beyond which numbers are wrong on one side."""
+    if float_bits:  # as a sender rounds it; the column rounds once more where it is scaled
+        sent = float(np.dtype(f"f{float_bits // 8}").type(float(raw)))
+        return sent if scale == 1 else float(np.nextafter(sent * float(scale), side * np.inf))
+    # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
+    return float((raw + Fraction(side, 2)) * scale)
+
+
+@lru_cache(maxsize=256)
+def _table(codes: tuple[int, ...], size: int) -> Array:
+    """Return of each number of so many bytes whether it is one of the codes."""
+    return np.isin(np.arange(1 << 8 * size), codes)
 
 
 def columns_of(name: str, note: Note, layout: CompoundType) -> Iterator[NotedColumn]:
