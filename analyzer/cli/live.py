@@ -145,7 +145,6 @@ class Wanted:
         from analyzer.app.live.hook import parse_command  # noqa: PLC0415
         from analyzer.app.live.request import LiveRequest  # noqa: PLC0415
         from analyzer.app.live.session_recording import RecordingOptions, SessionPlan  # noqa: PLC0415
-        from analyzer.views.writers import writer  # noqa: PLC0415
 
         view = decode.view_options(args)
         named = buses.buses(args)
@@ -166,6 +165,8 @@ class Wanted:
         self.criteria = rules.criteria(self._rules, registry, NAME)
         chosen = _filter(args.display, self.criteria)
         if mode == "list":
+            from analyzer.views.writers import writer  # noqa: PLC0415 - only what is needed
+
             writer(view, registry, None)  # names that do not exist are told before anything is opened
         command = parse_command(args.exec_, args.exec_on, self.criteria.pages)
         recording = RecordingOptions(

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from dissectors.kit.array import Array
 
 _TIMES = ("t", "t_end")
+_KEPT = ["t", "bus", "id", "flags", "data", "verdict"]
+_SMALL = 1 << 15  # rows: of a bus that runs some thousand come at once
 
 
 class Columns:
@@ -89,9 +91,15 @@ class FrameTable(Columns):
     verdict: Array
     anomaly: Array
 
+    @cached_property
     def bare(self) -> Self:
-        """Return the same rows for who keeps them, without the columns that rules have made of them."""
-        return type(self)(self._batch, self.first)
+        """The same rows for all who keep them: what the frames themselves are, and what became of them.
+
+        A small batch is copied, one column close behind the other: those of the core have room to grow, and lie in
+        between what is needed for a moment only.
+        """
+        batch = self._batch.select(_KEPT)
+        return type(self)(_packed(batch) if len(batch) < _SMALL else batch, self.first)
 
     @cached_property
     def length(self) -> Array:
@@ -322,3 +330,8 @@ def column(array: pa.Array, *, time: bool = False) -> Array:
     if time and array.null_count:
         values = np.where(valid(array), values, NO_TIME)
     return values
+
+
+def _packed(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """Return a copy in one piece of memory."""
+    return pa.ipc.read_record_batch(batch.serialize(), batch.schema)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from analyzer.app.judged import JudgedRun
 from analyzer.app.live.source import LiveSource
 from analyzer.app.process.mapped import return_files
+from analyzer.app.process.start import end_start
 from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
@@ -111,6 +112,7 @@ class LiveSession:
             self._judge(batch)
             if len(batch.frames) and not heard:
                 heard = True
+                end_start()
                 return_files()  # what the first frames alone have needed
 
     def tell(self, *texts: str) -> None:

@@ -10,16 +10,17 @@ from types import ModuleType
 from typing import Any
 
 _FIRST = 200_000  # objects: more than any command makes while it starts
-# Objects that are made until garbage is looked for, in a command that ends and in a session without end; how often
-# until older ones are looked through. A log full of faults makes millions that live on: looking took 5 % of the time.
-_YOUNG, _YOUNG_IN_SESSIONS, _OLDER = 400_000, 50_000, 20
+# Objects that are made until garbage is looked for, and how often until older and the oldest ones are looked through:
+# in a command that ends, and in a session without end. A log full of faults makes millions that live on: looking took
+# 5 % of the time. In a session few live on, but what a terminal shows refers to itself: 50,000 took 7 MB.
+_USUAL, _IN_SESSIONS = (400_000, 20, 10), (5_000, 5, 3)
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # malloc.h of glibc
 _KEPT, _LARGE = 64 << 20, 32 << 20  # bytes that are free at the top; bytes of what the system is asked for alone
 _SMALL = 64 << 10
 _ARENAS = 2  # whatever the number of threads: what one of them has freed another one takes
 
 _ours = False
-_young = _YOUNG
+_thresholds = _USUAL
 
 
 class _Hidden:
@@ -40,16 +41,15 @@ def alone() -> None:
     _ours = True
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
-    usual = gc.get_threshold()
 
     def settle(phase: str, _: object) -> None:
         if phase == "stop":
             gc.callbacks.remove(settle)
-            gc.set_threshold(_young, _OLDER, *usual[2:])
+            gc.set_threshold(*_thresholds)
             gc.freeze()
 
     gc.callbacks.append(settle)
-    gc.set_threshold(_FIRST, *usual[1:])
+    gc.set_threshold(_FIRST)
     atexit.register(gc.freeze)
 
 
@@ -72,9 +72,15 @@ def return_memory() -> None:
 
     Without that glibc keeps ever larger blocks for itself, and zeros that nobody has written take memory, too.
     """
-    global _young  # noqa: PLW0603 - a property of the process
-    _young = _YOUNG_IN_SESSIONS
+    global _thresholds  # noqa: PLW0603 - a property of the process
+    _thresholds = _IN_SESSIONS
     _tune(_SMALL, _SMALL)
+
+
+def end_start() -> None:
+    """Let what the start has left behind go, where nobody else uses the process: from here on garbage is looked for."""
+    if _ours:
+        gc.collect()
 
 
 def _tune(kept: int, large: int, arenas: int = _ARENAS) -> None:
