@@ -114,6 +114,7 @@ class LiveSession:
                 heard = True
                 end_start()
                 return_files()  # what the first frames alone have needed
+            del batch  # else it would be there while the next one is made
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""
