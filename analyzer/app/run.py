@@ -158,6 +158,8 @@ class Run(AbstractContextManager["Run"]):
         for piece in pieces if early else self.ahead(pieces):
             for batch in self.engine.decoded(piece):
                 yield self._seen(batch)
+                del batch  # else they would be there while the next ones are made
+            del piece
         self._conclude()
 
     def count(self, step: Callable[[], None] = lambda: None) -> None:

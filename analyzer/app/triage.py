@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
-from analyzer.flight.inquest import inquest
 from analyzer.flight.witness import Witness
 from analyzer.sources import CaptureError
 from analyzer.sources.merge import Plan
@@ -127,6 +126,8 @@ class RunTriage:
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""
+        from analyzer.flight.inquest import inquest  # noqa: PLC0415 - not before all has been seen
+
         clock = self.witness.clock
         return inquest(
             self.witness, self._run.request.names, self._run.engine.buses, start=clock.start, end=clock.last,

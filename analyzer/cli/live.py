@@ -118,7 +118,9 @@ def run(args: argparse.Namespace) -> int:
     """Run until somebody or a condition ends it."""
     if args.interfaces:
         return _list()
-    from analyzer.app.process.start import plain_arrow, return_memory  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow, return_memory, without_tls  # noqa: PLC0415
+
+    without_tls()
     from analyzer.live.interfaces.naming import InterfaceError  # noqa: PLC0415 - python-can takes its time
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
@@ -145,7 +147,6 @@ class Wanted:
         from analyzer.app.live.hook import parse_command  # noqa: PLC0415
         from analyzer.app.live.request import LiveRequest  # noqa: PLC0415
         from analyzer.app.live.session_recording import RecordingOptions, SessionPlan  # noqa: PLC0415
-        from analyzer.views.writers import writer  # noqa: PLC0415
 
         view = decode.view_options(args)
         named = buses.buses(args)
@@ -166,6 +167,8 @@ class Wanted:
         self.criteria = rules.criteria(self._rules, registry, NAME)
         chosen = _filter(args.display, self.criteria)
         if mode == "list":
+            from analyzer.views.writers import writer  # noqa: PLC0415 - only what is needed
+
             writer(view, registry, None)  # names that do not exist are told before anything is opened
         command = parse_command(args.exec_, args.exec_on, self.criteria.pages)
         recording = RecordingOptions(

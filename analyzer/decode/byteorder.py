@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.decode.readings import FORCED, UNDECIDED, Statement
+from analyzer.decode.told import NODES, ByNode
 from dissectors.kit.cells import floats, numbers
 from dissectors.schema import BYTE_ORDERS
 
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 PROOFS = 3
 READING = "byte order"
 
-_NODES = 1 << 16
-
 
 class ByteOrder:
     """The byte order of every (bus, node): what it last said, what its packets proved, where big-endian begins.
@@ -50,18 +49,18 @@ class ByteOrder:
 
     def __init__(self, packets: Iterable[Packet], forced: Mapping[int, Collection[str]], *, ahead: bool) -> None:
         self._ahead, self._forced = ahead, forced
-        self._watched: dict[str, dict[str, Array]] = {}  # message -> field -> latest value of earlier batches, by node
+        self._watched: dict[str, dict[str, ByNode]] = {}  # message -> field -> latest value of earlier batches, by node
         for packet in packets:
             for _, agreement in _agreements(packet):
                 latest = self._watched.setdefault(agreement.message, {})
-                latest.setdefault(agreement.field, np.full(_NODES, np.nan))
-        self._settled, self._big = np.zeros(_NODES, bool), np.zeros(_NODES, bool)
-        self._since = np.full(_NODES, np.iinfo(np.uint64).max, np.uint64)  # from which packet on
+                latest.setdefault(agreement.field, ByNode(np.float64))
+        self._settled, self._big = np.zeros(NODES, bool), np.zeros(NODES, bool)
+        self._since = ByNode()  # from which packet on
         self._proofs: dict[int, int] = {}  # of big-endian, for nodes that are not settled
         self._heard: dict[str, Array] = {}  # message -> nodes whose packets may prove something
         for node, choices in forced.items():
             for choice in set(choices) & set(BYTE_ORDERS):
-                mine = np.arange(_NODES) & 0xFF == node
+                mine = np.arange(NODES) & 0xFF == node
                 self._settled[mine], self._since[mine], self._big[mine] = True, 0, choice == BYTE_ORDERS[1]
 
     def learn(self, sent: Mapping[str, SentMessages], found: Sequence[FoundPackets], read: Read) -> None:
@@ -74,7 +73,7 @@ class ByteOrder:
                 mine = mine[np.argsort(positions[mine])]
                 self._count(node, positions[mine], big[mine])
             little = ~big & ~self._settled[nodes]
-            np.minimum.at(self._since, nodes[little], positions[little])
+            self._since.lower(nodes[little], positions[little])
             self._settled[nodes[little]] = True
         for name in self._watched.keys() & sent.keys():
             self._remember(name, sent[name])
@@ -117,7 +116,7 @@ class ByteOrder:
         pairs = [] if found.packet is None else list(_agreements(found.packet))
         if found.packet is None or not pairs:
             return None
-        heard = self._heard.setdefault(found.table.rpartition(".")[0], np.zeros(_NODES, bool))
+        heard = self._heard.setdefault(found.table.rpartition(".")[0], np.zeros(NODES, bool))
         heard[found.senders[found.sound]] = True
         rows = np.flatnonzero(found.sound & ~self._settled[found.senders])
         if not rows.size:
@@ -139,7 +138,7 @@ class ByteOrder:
         values = self._watched[about.message][about.field][nodes]
         if sent is None:
             return values
-        wanted = np.zeros(_NODES, bool)
+        wanted = np.zeros(NODES, bool)
         wanted[nodes] = True
         table, rows, at_nodes = _good(sent, np.flatnonzero(sent.trusted & wanted[sent.senders]))
         if not rows.size:

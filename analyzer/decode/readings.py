@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from analyzer.decode.told import NEVER, NODES, Decided, Told
+from analyzer.decode.told import NEVER, NODES, ByNode, Decided, Told
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
@@ -51,11 +51,11 @@ class Readings:
 
     def __init__(self, messages: Iterable[Message], forced: Mapping[int, Collection[str]], *, ahead: bool) -> None:
         self._ahead = ahead
-        self._sent: dict[str, Array] = {}  # message that is evidence -> from which transfer on a node has sent it
+        self._sent: dict[str, ByNode] = {}  # message that is evidence -> from which transfer on a node has sent it
         self._courses: dict[str, list[_Course]] = {}
         for message in messages:
             names = [name for reading in message.readings for one in reading.evidence for name in one.sends]
-            self._sent |= {name: np.full(NODES, NEVER, np.uint64) for name in names if name not in self._sent}
+            self._sent |= {name: ByNode() for name in names if name not in self._sent}
             self._courses[message.table] = [_Course(message, one, forced, self._sent) for one in message.readings]
 
     def know(self, other: Readings) -> None:
@@ -74,7 +74,7 @@ class Readings:
         for name in self._sent.keys() & sent.keys():
             since, some = self._sent[name], sent[name]
             if (since[some.nodes] == NEVER).any():
-                np.minimum.at(since, some.senders[some.trusted], some.transfers[some.trusted])
+                since.lower(some.senders[some.trusted], some.transfers[some.trusted])
         for name, courses in self._courses.items():
             for course in courses:
                 if name in sent:
@@ -110,7 +110,7 @@ class _Course:
     message: Message
     reading: Reading
     forced: Mapping[int, Collection[str]]
-    sent: Mapping[str, Array]
+    sent: Mapping[str, ByNode]
     _decided: Decided = field(init=False, default_factory=Decided)
     _lent: bool = field(init=False, default=False)  # somebody keeps what is decided now
     _seen: Array = field(init=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -26,6 +26,29 @@ def reading_column(name: str) -> str:
     return f"reading.{name}"
 
 
+class ByNode:
+    """A number of 64 bits for each node: `NEVER`, or NaN, of those of which nobody has said any.
+
+    Bits are kept as their complements: zeros take no memory as long as nobody writes them, and few nodes speak.
+    """
+
+    def __init__(self, kind: Any = np.uint64) -> None:
+        self._bits, self._kind = np.zeros(NODES, np.uint64), np.dtype(kind)
+
+    def __getitem__(self, nodes: Array | int) -> Array:
+        """Return the numbers of some nodes, or of one."""
+        found: Array = (~self._bits[nodes]).view(self._kind)
+        return found
+
+    def __setitem__(self, nodes: Array | int, values: Array | int) -> None:
+        """Set the numbers of some nodes; of several of one node the last one stays."""
+        self._bits[nodes] = ~np.asarray(values, self._kind).view(np.uint64)
+
+    def lower(self, nodes: Array, values: Array) -> None:
+        """Set those that are higher than these, u64."""
+        np.maximum.at(self._bits, nodes, ~np.asarray(values, np.uint64))
+
+
 class Decided:
     """The decisions on one reading, by node: `code` is the number of its choice from 1, 0 for none.
 
@@ -33,13 +56,12 @@ class Decided:
     """
 
     def __init__(self) -> None:
-        self.code, self.since = np.zeros(NODES, np.uint8), np.full(NODES, NEVER, np.uint64)
-        self.done = np.zeros(NODES, bool)
+        self.code, self.since, self.done = np.zeros(NODES, np.uint8), ByNode(), np.zeros(NODES, bool)
 
     def copy(self) -> Decided:
         """Return what can change without this one."""
-        other = Decided.__new__(Decided)
-        other.code, other.since, other.done = self.code.copy(), self.since.copy(), self.done.copy()
+        other, known = Decided(), np.flatnonzero(self.done)
+        other.code[known], other.since[known], other.done[known] = self.code[known], self.since[known], True
         return other
 
 

@@ -59,7 +59,7 @@ class Recent:
         """Add the newest batch; the oldest ones go when nobody can need them."""
         if not len(frames):
             return
-        self._batches.append(frames.bare())
+        self._batches.append(frames.bare)
         self._firsts.append(frames.first)
         self._cells.append(None)
         self._held += len(frames)

@@ -7,7 +7,7 @@ capture from 0. Cells without a value are arbitrary: ask `has`.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import pyarrow as pa
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
     from dissectors.kit.array import Array
 
 _TIMES = ("t", "t_end")
+_SMALL = 1 << 15  # rows: of a bus that runs some thousand come at once
 
 
 class Columns:
     """A table; its columns are attributes, a missing time is `NO_TIME`."""
+
+    kept: ClassVar[Sequence[str]] = ()  # columns that are kept when the batch is gone
 
     def __init__(self, batch: pa.RecordBatch, first: int = 0) -> None:
         self._batch = batch
@@ -47,6 +50,16 @@ class Columns:
         values = column(self._batch.column(place), time=name in _TIMES)
         setattr(self, name, values)
         return values
+
+    @cached_property
+    def bare(self) -> Self:
+        """The same rows for all who keep them, with the columns that are `kept`.
+
+        A small batch is copied, one column close behind the other: those of the core have room to grow, and lie in
+        between what is needed for a moment only.
+        """
+        batch = self._batch.select(self.kept)
+        return type(self)(_packed(batch) if len(batch) < _SMALL else batch, self.first)
 
     def has(self, name: str) -> Array:
         """Return a mask of the rows in which the column has a value, and keep it."""
@@ -81,6 +94,8 @@ class Columns:
 class FrameTable(Columns):
     """The frames of a batch, column by column; `first` is the number of the first one."""
 
+    kept = ("t", "bus", "id", "flags", "data", "verdict")
+
     t: Array
     bus: Array
     id: Array
@@ -88,10 +103,6 @@ class FrameTable(Columns):
     line: Array
     verdict: Array
     anomaly: Array
-
-    def bare(self) -> Self:
-        """Return the same rows for who keeps them, without the columns that rules have made of them."""
-        return type(self)(self._batch, self.first)
 
     @cached_property
     def length(self) -> Array:
@@ -123,6 +134,8 @@ class TransferTable(Columns):
     `lead` is the number of a transfer's first frame, `length` that of its payload bytes, `code` its type for
     `View.type_name`. `has` says which cells of `dst`, `crc_wire`, `crc_here`, `step` and `gap` exist.
     """
+
+    kept = ("t", "bus", "kind", "type_id", "variant", "src", "frame")
 
     t: Array
     t_end: Array
@@ -328,3 +341,8 @@ def column(array: pa.Array, *, time: bool = False) -> Array:
     if time and array.null_count:
         values = np.where(valid(array), values, NO_TIME)
     return values
+
+
+def _packed(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """Return a copy in one piece of memory."""
+    return pa.ipc.read_record_batch(batch.serialize(), batch.schema)

@@ -176,7 +176,7 @@ print(gc.get_threshold()[0], gc.get_freeze_count() > 200_000)
 """
 
 
-@pytest.mark.parametrize(("first", "threshold"), [("", 400_000), ("start.return_memory()", 50_000)])
+@pytest.mark.parametrize(("first", "threshold"), [("", 400_000), ("start.return_memory()", 3_000)])
 def test_garbage_is_looked_for_once_the_start_is_over(first: str, threshold: int) -> None:
     """Seldom in a command that ends, more often in a session without end."""
     script = COLLECTED.replace("FIRST", first)

@@ -8,8 +8,6 @@ from analyzer.app.live.lag import Delay
 from analyzer.facts.traffic import times
 from analyzer.report import wording
 from analyzer.views.terminal import escape
-from analyzer.views.writers import writer
-from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
     from analyzer.views.formats import Writer
     from analyzer.views.writers import WriterOptions
+    from analyzer.window.listed import ListedRows
     from dissectors import Registry
 
 # Findings that are told in one go.
@@ -104,6 +103,8 @@ class TransferList(EventLines):
             self.note(line)
 
     def _rows(self, batch: Batch) -> ListedRows:
+        from analyzer.window.listed import ListedRows  # noqa: PLC0415 - a monitor does without
+
         rows = ListedRows.all_of(batch)
         return rows if self._matcher is None else rows.of(self._matcher.feed(batch).selected())
 
@@ -126,6 +127,8 @@ class TransferList(EventLines):
         self._printer.put(self._writer.end())
 
     def _begun(self, zero: int | None) -> Writer:
+        from analyzer.views.writers import writer  # noqa: PLC0415 - a monitor does without
+
         made = writer(self._options, self._registry, zero)
         self._printer.put(made.begin())
         return made

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from analyzer.app.judged import JudgedRun
 from analyzer.app.live.source import LiveSource
 from analyzer.app.process.mapped import return_files
+from analyzer.app.process.start import end_start
 from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
@@ -112,7 +113,9 @@ class LiveSession:
             self._judge(batch)
             if len(batch.frames) and not heard:
                 heard = True
+                end_start()
                 return_files()  # what the first frames alone have needed
+            del batch  # else it would be there while the next one is made
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""

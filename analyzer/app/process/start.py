@@ -10,16 +10,18 @@ from types import ModuleType
 from typing import Any
 
 _FIRST = 200_000  # objects: more than any command makes while it starts
-# Objects that are made until garbage is looked for, in a command that ends and in a session without end; how often
-# until older ones are looked through. A log full of faults makes millions that live on: looking took 5 % of the time.
-_YOUNG, _YOUNG_IN_SESSIONS, _OLDER = 400_000, 50_000, 20
+# Objects that are made until garbage is looked for, and how often until older and the oldest ones are looked through:
+# in a command that ends, and in a session without end. A log full of faults makes millions that live on: looking took
+# 5 % of the time. In a session few live on, but what a terminal shows refers to itself: 50,000 took 7 MB.
+_USUAL, _IN_SESSIONS = (400_000, 20, 10), (3_000, 4, 2)
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # malloc.h of glibc
 _KEPT, _LARGE = 64 << 20, 32 << 20  # bytes that are free at the top; bytes of what the system is asked for alone
 _SMALL = 64 << 10
+_OLDEST = 2  # generation of garbage
 _ARENAS = 2  # whatever the number of threads: what one of them has freed another one takes
 
 _ours = False
-_young = _YOUNG
+_thresholds = _USUAL
 
 
 class _Hidden:
@@ -40,16 +42,15 @@ def alone() -> None:
     _ours = True
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
-    usual = gc.get_threshold()
 
     def settle(phase: str, _: object) -> None:
         if phase == "stop":
             gc.callbacks.remove(settle)
-            gc.set_threshold(_young, _OLDER, *usual[2:])
+            gc.set_threshold(*_thresholds)
             gc.freeze()
 
     gc.callbacks.append(settle)
-    gc.set_threshold(_FIRST, *usual[1:])
+    gc.set_threshold(_FIRST)
     atexit.register(gc.freeze)
 
 
@@ -70,23 +71,43 @@ def keep_memory(arenas: int = _ARENAS) -> None:
 def return_memory() -> None:
     """Give back what is freed, where nobody else uses the process: for sessions without end, whose batches are small.
 
-    Without that glibc keeps ever larger blocks for itself, and zeros that nobody has written take memory, too.
+    Without that glibc keeps ever larger blocks for itself, and zeros that nobody has written take memory, too. What is
+    free between blocks that live long is given back with the oldest garbage.
     """
-    global _young  # noqa: PLW0603 - a property of the process
-    _young = _YOUNG_IN_SESSIONS
+    global _thresholds  # noqa: PLW0603 - a property of the process
+    _thresholds = _IN_SESSIONS
     _tune(_SMALL, _SMALL)
+    trim = _of_libc("malloc_trim")
+
+    def trim_with(phase: str, about: dict[str, int]) -> None:
+        if phase == "stop" and about["generation"] == _OLDEST:
+            trim(0)
+
+    if trim is not None:
+        gc.callbacks.append(trim_with)
+
+
+def end_start() -> None:
+    """Let what the start has left behind go, where nobody else uses the process: from here on garbage is looked for."""
+    if _ours:
+        gc.collect()
 
 
 def _tune(kept: int, large: int, arenas: int = _ARENAS) -> None:
-    if not _ours:
-        return
-    import ctypes  # noqa: PLC0415 - numpy imports it anyway
-
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    mallopt = _of_libc("mallopt")
     if mallopt is not None:
         mallopt(_TRIM_THRESHOLD, kept)
         mallopt(_MMAP_THRESHOLD, large)
         mallopt(_ARENA_MAX, arenas)
+
+
+def _of_libc(name: str) -> Any:
+    """Return a function of the C library, None where it has none, or where somebody else uses the process, too."""
+    if not _ours:
+        return None
+    import ctypes  # noqa: PLC0415 - numpy imports it anyway
+
+    return getattr(ctypes.CDLL(None), name, None)
 
 
 class _Masked:
@@ -112,7 +133,15 @@ class _Light(ModuleType):
             sys.modules[module] = light = cls(module)
             light.__dict__.update(content)
             package, _, name = module.rpartition(".")
-            setattr(sys.modules[package], name, light)
+            if package in sys.modules:
+                setattr(sys.modules[package], name, light)
+
+
+def without_tls() -> None:
+    """Keep asyncio from importing OpenSSL before a connection asks for it, where nobody else uses the process."""
+    if _ours:
+        _Light.put("ssl")
+        _Light.put("asyncio.sslproto")
 
 
 def plain_arrow() -> None:

@@ -36,7 +36,7 @@ class Repeats:
         """Add the newest batch."""
         if not len(frames):
             return
-        self._batches.append(frames)
+        self._batches.append(frames.bare)
         self._held += len(frames)
         while self._held - len(self._batches[0]) >= _HELD:
             self._held -= len(self._batches.popleft())

@@ -91,7 +91,7 @@ class StatusAgreement(Rule):
         packets, status = view.table("PUSHCAN.MotorStatus"), view.table("ESCStatus")
         if packets is not None:
             self._packets = self._packets.join(_timed(packets, sound(packets), [name for name, *_ in _FIELDS]))
-            self._batches.append(view.transfers)
+            self._batches.append(view.transfers.bare)
         if status is not None:
             self._status = self._status.join(_timed(status, usable(status), [name for _, name, *_ in _FIELDS]))
 

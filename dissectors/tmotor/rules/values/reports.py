@@ -95,7 +95,7 @@ class Faults(Rule):
 
     def __init__(self) -> None:
         self._flags = FaultFlags()
-        self._mode = np.full(NODES, _UNKNOWN_MODE)  # the last one of each node that was not error mode
+        self._mode = np.full(NODES, _UNKNOWN_MODE, np.int8)  # the last one of each node that was not error mode
         self._failed = Previous(0)
 
     def feed(self, view: View) -> Iterator[Occurrences]:
