@@ -141,13 +141,16 @@ class Decoded:
     def frames(self) -> list[dict[str, Any]]:
         """Verdicts and anomalies are the final ones."""
         out: list[dict[str, Any]] = []
+        before = 0
         for batch in self.batches:
             out += rows_of(batch.frames)
             for settled in rows_of(batch.settled):
-                assert settled["frame"] < batch.first_frame
+                assert before <= settled["frame"] < batch.first_frame
                 row = out[settled["frame"]]
                 row["verdict"] = settled["verdict"]
                 row["anomaly"] |= settled["anomaly"]
+            assert before <= batch.settled_before <= len(out)
+            before = batch.settled_before
         for row in out:
             row["verdict"] = VERDICTS[row["verdict"]]
             row["anomaly"] = names(row["anomaly"], FRAME_ANOMALIES)

@@ -57,7 +57,7 @@ class Piece:
 
     `tables` are the columns of frames, transfers, events and settled verdicts, `groups` the transfers of each type.
     What is not decided yet about its messages may wait for the next piece if it `waits`, as none does once it is known
-    how they go on, and at the `last` one.
+    how they go on, and at the `last` one. Frames before `settled_before` have their last verdicts.
     """
 
     tables: tuple[dict[str, Any], ...]
@@ -65,6 +65,7 @@ class Piece:
     account: Account
     waits: bool = True
     last: bool = False
+    settled_before: int = 0
 
 
 class Core:
@@ -114,4 +115,4 @@ class Core:
 
     def _piece(self, *, waits: bool = True, last: bool = False) -> Piece:
         tables, groups = self._native.take(measured=self.measured)
-        return Piece(tables, groups, self.account, waits, last)
+        return Piece(tables, groups, self.account, waits, last, self._native.settled_before)

@@ -43,8 +43,8 @@ class Batch:
     """A slice of every table, as one step of the pipeline gives it. Row numbers run through the whole capture.
 
     `messages` holds a table for each message type and packet that occurred, by name; it is made when it is asked for.
-    `settled` lists verdicts of
-    frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far,
+    `settled` lists verdicts of frames of earlier batches that were found out only now; those of frames before the
+    number `settled_before` are the last ones. `readings` says how doubtful fields of nodes are read so far,
     `bit_times` how many bits each frame occupies the bus, u16, if its core has `measured` that; `selected` the rows
     that a filter has chosen, None without one. Where only frames that were picked are numbered, `places` says where in
     the capture these are; `zero` is the time of its first frame, in ns, where this batch is a part of it.
@@ -63,6 +63,7 @@ class Batch:
     selected: SelectedRows | None = field(default=None, compare=False)
     places: Places | None = field(default=None, compare=False)
     zero: int | None = field(default=None, compare=False)
+    settled_before: int = field(default=0, compare=False)
 
     def make_tables(self) -> Batch:
         """Return it with all message tables made: in a thread that works ahead of who looks at them."""
@@ -152,6 +153,7 @@ class Engine:
             first_transfer=self._transfers,
             buses=piece.account.buses,
             bit_times=None if bits is None else cells(bits, np.uint16),
+            settled_before=piece.settled_before,
         )
         self._account = piece.account
         self._frames += len(batch.frames)

@@ -23,6 +23,7 @@ def whole(batch: Batch) -> BatchPart:
         messages=batch.messages,
         settled=batch.settled,
         buses=batch.buses,
+        settled_before=batch.settled_before,
     )
 
 

@@ -43,7 +43,7 @@ class TableExport:
         make: makes the file of a table.
         registry: the types the capture is decoded with.
         wanted: names of tables as `resolve` gives them; `ALL` if empty.
-        folder: where frames wait for their verdicts.
+        folder: where frames wait for their verdicts if these are many.
         about: what is known of the capture, for the metadata of the files.
         threaded: encode in threads of its own what has gathered.
     """
@@ -64,6 +64,8 @@ class TableExport:
         if self._frames is not None:
             self._frames.feed(part.frames, part.frame_rows)
             self._frames.feed_verdicts(part.settled)
+            for frames, rows in self._frames.settled(part.settled_before):
+                self._tables.feed("frames", portable.frames(frames, rows, part.buses))
         if self._wants("transfers"):
             rows = portable.transfers(part.transfers, part.transfer_rows, part.buses, self._registry)
             self._tables.feed("transfers", rows)

@@ -1,4 +1,8 @@
-"""Parquet files: zstd, one row group a call; each column is stored as what its values are like needs it."""
+"""Parquet files: zstd, one row group a call; each column is stored as what its values are like needs it.
+
+Readers that look for a part of a file skip row groups by the bounds of what grows; of other columns each row group has
+nearly all values, so no bounds are kept of them.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 SUFFIX = ".parquet"
-# How columns are stored whose values hardly ever come twice: no dictionary is tried.
+# Values that hardly ever come twice: no dictionary is tried. Of growing ones a row group tells the bounds.
 _GROWING, _RANDOM = ("t", "t_end", "frame", "frames", "line", "transfer"), ("crc_wire", "crc_here")
-_BYTES = ("data", "payload")
-_STORED = dict.fromkeys(_GROWING + _RANDOM, "DELTA_BINARY_PACKED") | dict.fromkeys(_BYTES, "DELTA_LENGTH_BYTE_ARRAY")
+# Few values, which zstd finds as well as a dictionary would, and sooner.
+_FEW = ("id", "flags", "type_id", "variant", "src", "dst", "priority", "transfer_id", "step", "bits_left", "layout")
+_NUMBERS = dict.fromkeys(_GROWING + _RANDOM, "DELTA_BINARY_PACKED") | dict.fromkeys(_FEW, "PLAIN")
+_BYTES = {"data": "DELTA_LENGTH_BYTE_ARRAY", "payload": "PLAIN"}
 
 
 class ParquetFile:
@@ -22,10 +28,10 @@ class ParquetFile:
 
     def __init__(self, file: BinaryIO, schema: pa.Schema) -> None:
         leaves = [(name, path) for name, field in zip(schema.names, schema, strict=True) for path in _leaves(field)]
-        stored = {path: _STORED[name] for name, path in leaves if _fits(schema.field(name).type, _STORED.get(name))}
+        stored = {path: way for name, path in leaves if (way := _encoding(name, schema.field(name).type))}
         self._writer = pq.ParquetWriter(
             file, schema, compression="zstd", use_dictionary=[path for _, path in leaves if path not in stored],
-            column_encoding=stored,
+            column_encoding=stored, write_statistics=[path for name, path in leaves if name in _GROWING],
         )  # fmt: skip
 
     def write(self, table: pa.Table) -> None:
@@ -42,12 +48,12 @@ class ParquetFile:
         self._writer.close()
 
 
-def _fits(kind: pa.DataType, encoding: str | None) -> bool:
-    """Return whether a column can be stored so: a field of a message may be called like one of those."""
+def _encoding(name: str, kind: pa.DataType) -> str | None:
+    """Return how a column is stored if not by a dictionary: a field of a message may be called like one of those."""
     value = kind.value_type if pa.types.is_list(kind) else kind
-    if encoding == _STORED["data"]:
-        return bool(pa.types.is_binary(value))
-    return encoding is not None and (pa.types.is_integer(value) or pa.types.is_timestamp(value))
+    if pa.types.is_binary(value):
+        return _BYTES.get(name)
+    return _NUMBERS.get(name) if pa.types.is_integer(value) or pa.types.is_timestamp(value) else None
 
 
 def _leaves(field: pa.Field, path: str = "") -> Iterator[str]:

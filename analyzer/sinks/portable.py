@@ -48,7 +48,7 @@ def frames(table: pa.RecordBatch, rows: Array, buses: Sequence[str]) -> pa.Recor
     sent, received = flags & TX != 0, flags & RX != 0
     way = pa.array(sent.astype(np.uint8), mask=~(sent | received))
     out = [_column("frame", pa.array(rows + np.uint64(1)), "number, from 1"), *_columns(table, buses)]
-    extra = [_column(name, pa.array(flags & bit != 0), "a bit of flags") for name, bit in _BITS.items()]
+    extra = [_column(name, _truths(flags & bit != 0), "a bit of flags") for name, bit in _BITS.items()]
     extra.append(_column("direction", _texts(way, ("rx", "tx")), "received or sent; null when not recorded"))
     at = 1 + table.schema.get_field_index("flags") + 1
     out[at:at] = extra
@@ -156,6 +156,11 @@ def _texts(codes: pa.Array, texts: Sequence[str]) -> pa.Array:
     return pa.DictionaryArray.from_arrays(codes, pa.array(list(places), pa.string()))
 
 
+def _truths(cells: Array) -> pa.Array:
+    bits = pa.py_buffer(np.packbits(cells, bitorder="little"))
+    return pa.Array.from_buffers(pa.bool_(), len(cells), [None, bits])
+
+
 def _set_bits(array: pa.Array, names: Sequence[str]) -> pa.Array:
     bits = numbers(array)
     some = np.flatnonzero(bits)
@@ -167,14 +172,15 @@ def _set_bits(array: pa.Array, names: Sequence[str]) -> pa.Array:
 
 
 def _types(table: pa.RecordBatch, registry: Registry) -> pa.Array:
-    codes = numbers(table.column("variant")).astype(np.int64) << 24
-    codes |= numbers(table.column("kind")).astype(np.int64) << 16
+    codes = numbers(table.column("variant")).astype(np.uint32) << 24
+    codes |= numbers(table.column("kind")).astype(np.uint32) << 16
     codes |= numbers(table.column("type_id"))
-    found, inverse = np.unique(codes, return_inverse=True)
-    known = [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in found.tolist()]
+    found = pa.array(codes).dictionary_encode()
+    known = [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in found.dictionary.to_pylist()]
     missing = np.array([message is None for message in known], bool)
     texts = ["" if message is None else message.name for message in known]
-    return _texts(pa.array(inverse.astype(np.int32), mask=missing[inverse]), texts)
+    places = numbers(found.indices)
+    return _texts(pa.array(places, mask=missing[places]) if missing.any() else found.indices, texts)
 
 
 def _names(field: pa.Field) -> dict[int, str]:

@@ -99,4 +99,4 @@ class Tables:
 
 
 def _write(file: TableFile, batches: list[pa.RecordBatch]) -> None:
-    file.write(pa.Table.from_batches(batches).unify_dictionaries().combine_chunks())
+    file.write(pa.Table.from_batches(batches).unify_dictionaries())

@@ -24,6 +24,7 @@ class BatchPart:
     """The wanted rows of a batch, in capture order.
 
     `frame_rows` and `transfer_rows` are the numbers of their frames and transfers in the whole capture, from 0 (u64).
+    `settled` and `settled_before` are those of the whole batch.
     """
 
     frames: pa.RecordBatch
@@ -34,6 +35,7 @@ class BatchPart:
     messages: Mapping[str, pa.RecordBatch]
     settled: pa.RecordBatch
     buses: tuple[str, ...]
+    settled_before: int
 
 
 class TableSelection(TransferSelection):
@@ -56,7 +58,13 @@ class TableSelection(TransferSelection):
                 messages=dict(_messages(batch, transfers)),
                 settled=batch.settled,
                 buses=batch.buses,
+                settled_before=batch.settled_before,
             )
+
+    def _pick(self, batch: Batch) -> tuple[Batch, Array, int | None]:
+        if self.window or batch.selected is not None:
+            return super()._pick(batch)
+        return batch, np.arange(len(batch.transfers)), self._zero()
 
 
 def narrowed(batch: Batch) -> Batch:
@@ -80,6 +88,9 @@ def narrowed(batch: Batch) -> Batch:
 
 
 def _messages(batch: Batch, transfers: Array) -> Iterator[tuple[str, pa.RecordBatch]]:
+    if len(transfers) == len(batch.transfers):
+        yield from batch.messages.items()
+        return
     wanted = np.zeros(len(batch.transfers), bool)
     wanted[transfers] = True
     for name, table in batch.messages.items():

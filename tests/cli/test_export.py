@@ -113,11 +113,16 @@ def test_sql_reads_and_joins_all_tables(command: Main, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("waiting", [0, 100, 1 << 18])
 def test_late_verdicts_are_right(
-    command: Main, decode: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Main, decode: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waiting: int
 ) -> None:
-    """Cut into many batches, frames of one are settled by a later one; row groups stay large."""
+    """Cut into many batches, frames of one are settled by a later one; row groups stay large.
+
+    All wait on the disk, or those from some place on, or none.
+    """
     wanted = decode(FAULTS.read_bytes())
+    monkeypatch.setattr("analyzer.sinks.late.MOST_WAITING", waiting)
     monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     assert sum(len(batch.settled) for batch in analyzer.open_capture(FAULTS)) > 0

@@ -234,13 +234,21 @@ def test_the_name_of_the_output_is_harmless_to_a_terminal(command: Main, form: s
 
 
 def test_the_bar_says_when_frames_are_written(here: Path, monkeypatch: pytest.MonkeyPatch, command: Main) -> None:
+    """Those that had to wait for the end, as it is not known before whose the first one is."""
+    data = HOVER.read_bytes()
+    stamp, bus, _ = data.split(maxsplit=2)
+    (here / "late.log").write_bytes(b" ".join((stamp, bus, b"1055550A#00C0\n")) + data)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
+    monkeypatch.setattr("analyzer.sinks.late.MOST_WAITING", 100)
     drawn: list[str] = []
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setattr("analyzer.cli.progress.PATIENCE", 0)
     monkeypatch.setattr("analyzer.cli.progress.PAUSE", 0)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr("analyzer.app.process.streams.tell", drawn.append)
-    assert command("export", HOVER, "-o", here / "out")[0] == 0
+    assert command("export", here / "late.log", "-o", here / "out")[0] == 0
     bars = [text for text in drawn if "\x1b[K" in text]
-    assert "100% [" in bars[0]
-    assert bars[-2:] == ["\r\x1b[Kwriting frames  0:00", "\r\x1b[K"]
+    assert "% [" in bars[0]
+    assert bars[-2].startswith("\r\x1b[Kwriting frames  0:")
+    assert bars[-1] == "\r\x1b[K"

@@ -126,7 +126,10 @@ class _Export:
         self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None, chosen: MatchingFrames | None,
         beside: LogBeside,
     ) -> None:  # fmt: skip
+        from analyzer.sinks.extent import Extent  # noqa: PLC0415
+
         self._beside = beside
+        self._inside = Extent() if run.request.window else None
         self._run, self._goal, self._complaints, self._criteria, self._chosen = run, goal, complaints, criteria, chosen
         self._frames = self._transfers = self._events = 0
 
@@ -137,13 +140,12 @@ class _Export:
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
         from analyzer.sinks.export import TableExport  # noqa: PLC0415
-        from analyzer.sinks.extent import Extent  # noqa: PLC0415
 
         run, goal = self._run, self._goal
         place: AbstractContextManager[Target | TargetFolder]
         place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
         found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path), self._chosen)
-        extent, happened = Extent(), HappenedTables(run, goal.tables, self._beside.read())
+        happened = HappenedTables(run, goal.tables, self._beside.read())
         with place as target, ExitStack() as stack:
             if found is not None:
                 stack.callback(found.close)
@@ -165,12 +167,10 @@ class _Export:
                 judged = None if found is None else found.beside
                 for part in progress.over(self._parts(judged, happened.beside)):
                     export.feed(part)
-                    extent.feed(part)
-                inside = extent if run.request.window else None
                 if found is not None:
-                    export.feed_found("findings", found.rows(inside))
+                    export.feed_found("findings", found.rows(self._inside))
                 for name in happened.names:
-                    export.feed_found(name, happened.rows(name, inside))
+                    export.feed_found(name, happened.rows(name, self._inside))
                 self._beside.conclude(happened.autopilot)
                 for _ in progress.over(export.finish(), "writing frames"):
                     run.go_on()
@@ -221,6 +221,8 @@ class _Export:
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)
             self._events += len(part.events)
+            if self._inside is not None:
+                self._inside.feed(part)
             yield part
             run.go_on()
         run.go_on()

@@ -169,6 +169,12 @@ impl Pipeline {
         self.pipeline.reassembler.unasked()
     }
 
+    /// Frames before this number have their last verdicts: no later batch settles one of them.
+    #[getter]
+    fn settled_before(&self) -> u64 {
+        self.pipeline.reassembler.settled_before()
+    }
+
     /// What became of the lines of the text, capture-wide.
     #[getter]
     fn lines<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {

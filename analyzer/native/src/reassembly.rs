@@ -66,6 +66,17 @@ enum Standing {
     Probation(Box<Trial>),
 }
 
+impl Standing {
+    /// The lowest number of the frames whose verdicts may still change.
+    fn oldest_held(&self) -> Option<u64> {
+        match self {
+            Standing::Trusted(_) | Standing::Foreign => None,
+            Standing::Early(early) => early.oldest(),
+            Standing::Probation(trial) => trial.probation.held.iter().map(|held| held.frame).min(),
+        }
+    }
+}
+
 /// A session on probation.
 struct Trial {
     probation: Probation,
@@ -147,6 +158,15 @@ impl Reassembler {
     /// Frames by verdict so far; their sum is the number of frames.
     pub fn counts(&self) -> [u64; VERDICTS] {
         self.counts
+    }
+
+    /// Frames before this number have their last verdicts.
+    pub fn settled_before(&self) -> u64 {
+        if self.held == 0 {
+            return self.next_frame;
+        }
+        let oldest = self.sessions.iter().filter_map(|place| place.standing.oldest_held());
+        oldest.fold(self.next_frame, u64::min)
     }
 
     pub fn types(&self) -> &[TypeName] {

@@ -74,6 +74,10 @@ impl Early {
         Some(self)
     }
 
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.frames.iter().map(|frame| frame.number).min()
+    }
+
     /// Notes that the capture has come to the time `now`.
     pub(super) fn expire(&mut self, now: i64) {
         if self.expired {

@@ -20,13 +20,15 @@ fn used_and_foreign(bus: &Bus) -> (usize, usize) {
 #[test]
 fn frames_that_an_earlier_batch_called_foreign_are_settled() {
     let mut reassembler = Reassembler::new(Box::new(signatures));
-    let mut batches = vec![];
+    let (mut batches, mut before) = (vec![], vec![]);
     for transfer_id in 30..33 {
         let mut bus = Bus::default();
         bus.transfer(UNKNOWN, transfer_id, b"a multi-frame one");
         reassembler.feed(&bus.frames, 0);
         batches.push(reassembler.take());
+        before.push(reassembler.settled_before());
     }
+    assert_eq!(before, [0, 6, 9]);
     // Two transfers with the CRC of one type are the proof.
     let verdicts: Vec<_> = batches.iter().map(|batch| batch.verdict.clone()).collect();
     assert_eq!(verdicts, [vec![1; 3], vec![0; 3], vec![0; 3]]);
