@@ -235,7 +235,9 @@ class Findings:
 
     def _run(self, told: _Told, rows: Any, key: FindingKey) -> OccurrenceRun:
         first, found = rows.item(0), told.found
-        run = OccurrenceRun(told.place(first), told.place(rows.item(-1)), len(rows), episode=episode_of(found, rows))
+        place = told.place(first)
+        end = place if len(rows) == 1 else told.place(rows.item(-1))
+        run = OccurrenceRun(place, end, len(rows), episode=episode_of(found, rows))
         room = self._room(key, run)
         if room:
             if run.episode is not None:
