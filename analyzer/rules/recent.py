@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 KEPT = 1 << 18
-_MOST_REMEMBERED = 1 << 14
+_MOST_REMEMBERED = 1 << 12  # frames asked for lately: whoever asks again does so soon
 MOST_LINES = 16
 
 

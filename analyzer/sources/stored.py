@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from analyzer.sources.origin import FileObject, Opened, Origin
 
-CHUNK = 4 << 20
+CHUNK = 1 << 20  # bytes read at once: batches are longer by up to as many, and three such wait to be parsed
 FOLLOW_PAUSE = 0.1
 # A pipe that gave this much at once has more to give.
 _FULL_PIPE = 1 << 16

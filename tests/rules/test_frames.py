@@ -153,6 +153,15 @@ def test_foreign_identifiers_beyond_a_bound_share_one_finding() -> None:
     assert f"beyond {MOST_NAMED}" in found[-1][2]
 
 
+def test_foreign_frames_are_told_in_parts_as_they_would_be_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    many = [replace(ENGINE, id=0x18F00001 + (k % (MOST_NAMED + 30) << 8)) for k in range(5 * MOST_NAMED)]
+    text = lines(telemetry(), many, [ENGINE] * 700)
+    at_once = judge(text, ("CAN-018",))
+    monkeypatch.setattr("analyzer.rules.frames.foreign._TOLD", 100)
+    assert judge(text, ("CAN-018",)) == at_once
+    assert sum(one.count for one in at_once) == len(many) + 700
+
+
 @pytest.mark.parametrize(
     ("identifier", "cyphal", "name"),
     [

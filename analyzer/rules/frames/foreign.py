@@ -25,6 +25,7 @@ MOST_HELD = 1 << 18  # frames that wait for their verdict, then the oldest are t
 MOST_NAMED = 256  # identifiers with a finding of their own; all further ones share one
 SHOWN = 20  # first frames of an identifier whose bytes are kept until its verdict stands
 _OFTEN, _SOON = 1 << 14, MOST_HELD + MOST_HELD // 2  # that wait as it is looked whose verdict stands
+_TOLD = 1 << 15  # frames that are told at once: whoever counts them makes columns of that length
 # Commands in bits 15 to 8 of the identifiers of VESC motor controllers: set points, and what they report.
 VESC = frozenset({0, 1, 2, 3, 4, 9, 14, 15, 16, 27, 28})
 # Formats of addressed messages in SAE J1939-21: acknowledgement, request, transport, address claim, proprietary.
@@ -40,7 +41,7 @@ class _Rows(NamedTuple):
     bus: Array
     id: Array
 
-    def at(self, rows: Array) -> _Rows:
+    def at(self, rows: Array | slice) -> _Rows:
         return _Rows(*(column[rows] for column in self))
 
     @property
@@ -138,11 +139,10 @@ class Foreign(Rule):
         done[: max(0, len(rows.number) - MOST_HELD)] = True
         kept, rows = rows.at(np.flatnonzero(~done)), rows.at(np.flatnonzero(done))
         self._held, self._waiting = [kept], len(kept.number)
-        yield from self._found(rows)
+        for start in range(0, len(rows.number), _TOLD):
+            yield from self._found(rows.at(slice(start, start + _TOLD)))
 
     def _found(self, rows: _Rows) -> Iterator[Occurrences | Occurrence]:
-        if not len(rows.number):
-            return
         identifier = rows.identifier
         self._name(identifier)
         named = np.isin(identifier, np.array(sorted(self._named), np.int64))
@@ -220,7 +220,9 @@ def _from_end(keys: Array) -> Array:
     if not len(keys):
         return keys
     order, begins = grouped(keys)
-    after = np.empty(len(keys), np.int64)
-    ends = np.append(begins[1:], len(keys))
-    after[order] = np.repeat(ends, ends - begins) - 1 - np.arange(len(keys))
+    ends = np.append(begins[1:], len(keys)).astype(np.int32)
+    left = np.repeat(ends, ends - begins)
+    left -= np.arange(1, len(keys) + 1, dtype=np.int32)
+    after = np.empty(len(keys), np.int32)
+    after[order] = left
     return after
