@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.kit import by_key, changes, count_below, groups, last_set
-from dissectors.kit.order import steps
+from dissectors.kit.order import spans, steps
 
 
 @given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
@@ -23,6 +25,14 @@ def test_places_in_the_order_of_keys(keys: list[int]) -> None:
     expected = sorted(range(len(keys)), key=keys.__getitem__)
     assert order.tolist() == expected
     assert first.tolist() == [k for k, at in enumerate(expected) if k == 0 or keys[at] != keys[expected[k - 1]]]
+
+
+@given(st.lists(st.tuples(st.integers(-2, 2), st.integers(1, 3))))
+def test_spans_of_keys_that_stand_together(runs: list[tuple[int, int]]) -> None:
+    keys = [key for key, count in runs for _ in range(count)]
+    found = list(spans(np.array(keys, np.int64)))
+    assert [key for key, begin, end in found for _ in range(begin, end)] == keys
+    assert all(one[0] != after[0] and one[2] == after[1] for one, after in pairwise(found))
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.int64, np.float64, bool])

@@ -86,6 +86,15 @@ def test_gaps_of_nodes(rows: list[Heard], step: int) -> None:
             assert [gap[:3] for gap in nodes.gaps(bus, node, 3, 9)] == inside
 
 
+@given(captures)
+def test_the_last_gaps_of_each_node(rows: list[Heard]) -> None:
+    for frames in tables(rows, 40):
+        for ours in bus_frames(frames).values():
+            every, last = (np.stack(ours.gaps(LEAST, most), axis=1).tolist() for most in (40, 2))
+            nodes = range(len(ours.nodes.node))
+            assert last == [gap for node in nodes for gap in [one for one in every if one[0] == node][-2:]]
+
+
 @given(captures, st.sampled_from([1, 3, 40]))
 def test_transfers_begin(rows: list[Heard], step: int) -> None:
     sessions, found = HeardSessions(), {}

@@ -13,6 +13,10 @@ from kit.judged import Said, whole
 from kit.traffic import ALIVE, MS, START, Timed, alive, log
 
 import analyzer
+from analyzer.decode.engine import Engine
+from analyzer.rules import recent
+from analyzer.rules.bus import stopped
+from analyzer.rules.judge import Judge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -118,6 +122,20 @@ def test_lost_frames_may_be_why() -> None:
     at = next(k for k, line in enumerate(lines) if float(line[1:18]) > START / 10**9 + 4.5)
     lines.insert(at, DROP)
     assert [one.severity for one in whole("".join(lines), ("BUS-035",), (7,))] == ["note"]
+
+
+def test_the_last_frame_is_shown_when_it_is_no_longer_among_the_recent_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recent, "KEPT", 64)
+    monkeypatch.setattr(stopped, "_SOON_GONE", 16)
+    lines = log(*others(12_000, 50), *beats(range(0, 12_000, 1000)), *every(range(10, 4000, 100))).splitlines(True)
+    running = Engine()
+    judge = Judge(running.registry)
+    for at in range(0, len(lines), 10):
+        for batch in [*running.feed("".join(lines[at : at + 10]).encode()), running.flush()]:
+            judge.feed(batch)
+    ((_, run),) = [one for one in judge.finish().runs if one[0].rule == "BUS-035"]
+    (line,) = run.examples[0].lines
+    assert line.split("#")[1] == compass(39).frames(0)[0].data.hex().upper()
 
 
 def test_a_restart_is_told_by_the_uptime_alone() -> None:
