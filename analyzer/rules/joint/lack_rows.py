@@ -73,7 +73,8 @@ def compared(new: LackRows, latest: KeyedRows) -> tuple[LackRows, Array]:
     order, first = by_key(new.session)
     of = new.take(order)
     each = of.session[first]
-    before = {name: latest.look_up(name, each) for name in LATEST}
+    at = latest.find(each)
+    before = {name: latest.get(name, at) for name in LATEST}
     past = [np.roll(column, 1) for column in (of.behind, of.until, of.wanted)]
     for column, name in zip(past, LATEST, strict=False):
         column[first] = before[name]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -202,10 +202,13 @@ def _breaches(rows: Rows, view: View, why: Why, *, noted: bool, drops: bool) -> 
     src, code = t.src[row].astype(np.int64), t.code[row]
     nobody = (src == 0) & (code >> 16 != MESSAGE)
 
-    @cache  # of what is shown first also its key is asked
+    known: dict[int, Values] = {}  # of what is shown first also its key is asked
+
     def values(k: int) -> Values:
-        one, cause = rows.one(k), why.cause(k)
-        return values_of(view, one, turned_bit(one) if cause is TURNED_BIT else cause)
+        if k not in known:
+            one, cause = rows.one(k), why.cause(k)
+            known[k] = values_of(view, one, turned_bit(one) if cause is TURNED_BIT else cause)
+        return known[k]
 
     def frames(k: int) -> Sequence[int]:
         own = t.frames(int(row[k]))
