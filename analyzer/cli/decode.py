@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.formats import Writer
-    from analyzer.views.writers import WriterOptions
+    from analyzer.views.options import WriterOptions
     from analyzer.window.listed import ListedRows, ListSelection
     from analyzer.window.numbering import Numbering
     from analyzer.window.screen import Item
@@ -158,7 +158,7 @@ def _listed(args: argparse.Namespace, texts: Sequence[str] = ()) -> int:
 
 def view_options(args: argparse.Namespace) -> WriterOptions:
     """Return what is asked of the list. Raises `ValueError` for what does not go together."""
-    from analyzer.views.writers import WriterOptions  # noqa: PLC0415
+    from analyzer.views.options import WriterOptions  # noqa: PLC0415
 
     if getattr(args, "findings", False) and (args.follow or args.quiet or args.form == "fields"):
         raise ValueError("--findings marks rows of a list, of json, jsonl or csv: not with --follow, -q or -T fields")

@@ -118,9 +118,9 @@ def run(args: argparse.Namespace) -> int:
     """Run until somebody or a condition ends it."""
     if args.interfaces:
         return _list()
-    from analyzer.app.process.start import plain_arrow, return_memory, without_tls  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow, plain_can, return_memory  # noqa: PLC0415
 
-    without_tls()
+    plain_can()
     from analyzer.live.interfaces.naming import InterfaceError  # noqa: PLC0415 - python-can takes its time
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415

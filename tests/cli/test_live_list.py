@@ -11,7 +11,7 @@ from kit.command import BUS, CAPTURES, LIMIT, Reader, start_with_bus
 
 from analyzer.app.live.list import TransferList
 from analyzer.cli import main
-from analyzer.views.writers import WriterOptions
+from analyzer.views.options import WriterOptions
 from dissectors import load
 
 if TYPE_CHECKING:

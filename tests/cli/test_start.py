@@ -15,6 +15,13 @@ CORE = {"numpy", "pyarrow", "analyzer._native"}
 LIBRARIES = {"pandas", "can", "rerun", "mcap", "google.protobuf", "dronecan", "textual", "jinja2"}
 UNUSED = {"pyarrow.vendored.docscrape", "numpy.ma.core"}  # parts of numpy and Arrow
 PARSERS = {"tomllib", "importlib.metadata"}
+NOT_LIVE = {
+    "_ssl",
+    "wrapt",
+    "can.io.asc",
+    "analyzer.views.writers",
+    "analyzer.views.listing",
+}  # of a bus without a list
 HELP = LIBRARIES | CORE | {"dissectors", "dataclasses", "inspect", "pathlib", "tomllib"}
 
 PROGRAM = """
@@ -59,7 +66,7 @@ def imported(*args: str) -> set[str]:
         (
             ("live", "virtual:start", "-q", "-a", "duration:0.2"),
             4,
-            LIBRARIES - {"can"} | UNUSED | {"analyzer.plot"},
+            LIBRARIES - {"can"} | UNUSED | NOT_LIVE | {"analyzer.plot"},
         ),
     ],
 )
@@ -174,6 +181,39 @@ assert gc.get_stats()[0]["collections"] == before
 more = [[] for _ in range(150_000)]
 print(gc.get_threshold()[0], gc.get_freeze_count() > 200_000)
 """
+
+
+CAN = """
+import sys
+from analyzer.app.process import start
+if len(sys.argv) > 1:
+    start.alone()
+start.plain_can()
+sys.modules["asammdf"] = None
+import can
+print("can.io.blf" in sys.modules, "wrapt" in sys.modules, "_ssl" in sys.modules, file=sys.stderr)
+import asyncio.base_events as events
+with can.ThreadSafeBus(interface="virtual", channel="quiet") as bus:
+    print(bus.channel_info)
+print(events.ssl.SSLContext.__name__, events.sslproto.SSLProtocol.__name__)
+from can.io.asc import ASCReader
+from can.io import blf
+from can.io import Printer
+with can.Printer() as printer:
+    print(ASCReader.__name__, blf.BLFReader.__name__, isinstance(printer, sys.modules["can.io.printer"].Printer))
+"""
+
+
+def test_what_a_bus_hardly_needs_is_there_for_those_who_ask() -> None:
+    done = [
+        subprocess.run(
+            [sys.executable, "-c", CAN, *one], env=environment(), capture_output=True, text=True, timeout=LIMIT,
+            check=True,
+        )
+        for one in ([], ["alone"])
+    ]  # fmt: skip
+    assert done[0].stdout == done[1].stdout
+    assert [one.stderr for one in done] == ["True True True\n", "False False False\n"]
 
 
 @pytest.mark.parametrize(("first", "threshold"), [("", 400_000), ("start.return_memory()", 3_000)])

@@ -21,7 +21,7 @@ from analyzer.live import capture_loop
 from analyzer.live.heard import HeardSenders
 from analyzer.rules.checking import Measured
 from analyzer.terminal.bar import top
-from analyzer.views.writers import WriterOptions
+from analyzer.views.options import WriterOptions
 
 if TYPE_CHECKING:
     import pytest

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
     from analyzer.views.formats import Writer
-    from analyzer.views.writers import WriterOptions
+    from analyzer.views.options import WriterOptions
     from analyzer.window.listed import ListedRows
     from dissectors import Registry
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from analyzer.filter.compiled import Filter
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
-    from analyzer.views.writers import WriterOptions
+    from analyzer.views.options import WriterOptions
 
 LiveMode = Literal["list", "monitor", "browser", "quiet"]
 

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 # Seconds without a row after which findings are told that wait for more.
 SILENCE = 2.0
+# Batches with frames until everything that goes on with them has begun.
+_AT_WORK = 25
 
 
 class SessionView(Protocol):
@@ -108,13 +110,15 @@ class LiveSession:
     def run(self) -> None:
         """Run until the capture loop has ended and everything is judged."""
         return_files()
-        heard = False
+        heard = 0
         for batch in self._run.batches():
             self._judge(batch)
-            if len(batch.frames) and not heard:
-                heard = True
-                end_start()
-                return_files()  # what the first frames alone have needed
+            if len(batch.frames) and heard < _AT_WORK:
+                heard += 1
+                if heard == 1:
+                    end_start()
+                if heard in (1, _AT_WORK):
+                    return_files()  # what the first frames alone have needed
             del batch  # else it would be there while the next one is made
 
     def tell(self, *texts: str) -> None:

@@ -137,11 +137,37 @@ class _Light(ModuleType):
                 setattr(sys.modules[package], name, light)
 
 
-def without_tls() -> None:
-    """Keep asyncio from importing OpenSSL before a connection asks for it, where nobody else uses the process."""
-    if _ours:
-        _Light.put("ssl")
-        _Light.put("asyncio.sslproto")
+class _Makers(_Light):
+    """What would be classes of it are functions that make them, imported when they are called."""
+
+    def __getattr__(self, name: str) -> Any:
+        found = super().__getattr__
+        if not name[:1].isupper():
+            return found(name)
+
+        def make(*given: Any, **named: Any) -> Any:
+            return found(name)(*given, **named)
+
+        return make
+
+
+def plain_can() -> None:
+    """Keep python-can and asyncio from importing what a bus hardly ever needs, where nobody else uses the process.
+
+    That are all readers and writers of files, a bus for several threads, and OpenSSL. To be called before python-can
+    is imported; whatever asks for them still gets them.
+    """
+    if not _ours:
+        return
+    import importlib.util  # noqa: PLC0415
+
+    found = importlib.util.find_spec("can")
+    if found is not None and found.submodule_search_locations:
+        inside = [os.path.join(*found.submodule_search_locations, "io")]  # noqa: PTH118
+        _Makers.put("can.io", __path__=inside)
+        _Makers.put("can.thread_safe_bus")
+    _Light.put("ssl")
+    _Light.put("asyncio.sslproto")
 
 
 def plain_arrow() -> None:
