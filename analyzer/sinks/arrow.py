@@ -25,7 +25,7 @@ class ArrowFile:
 
     def write(self, table: pa.Table) -> None:
         """Write a record batch."""
-        self._writer.write_table(table.cast(self._schema))
+        self._writer.write_table(table.cast(self._schema).combine_chunks())
 
     def close(self, _: Mapping[str, str]) -> None:
         """Write the footer."""

@@ -18,7 +18,7 @@ SUFFIX = ".parquet"
 # Values that hardly ever come twice: no dictionary is tried. Of growing ones a row group tells the bounds.
 _GROWING, _RANDOM = ("t", "t_end", "frame", "frames", "line", "transfer"), ("crc_wire", "crc_here")
 # Few values, which zstd finds as well as a dictionary would, and sooner.
-_FEW = ("id", "flags", "type_id", "variant", "src", "dst", "priority", "transfer_id", "step", "bits_left", "layout")
+_FEW = ("flags", "type_id", "variant", "src", "dst", "priority", "transfer_id", "step", "bits_left", "layout")
 _NUMBERS = dict.fromkeys(_GROWING + _RANDOM, "DELTA_BINARY_PACKED") | dict.fromkeys(_FEW, "PLAIN")
 _BYTES = {"data": "DELTA_LENGTH_BYTE_ARRAY", "payload": "PLAIN"}
 

@@ -153,7 +153,8 @@ def _texts(codes: pa.Array, texts: Sequence[str]) -> pa.Array:
     places = {text: place for place, text in enumerate(dict.fromkeys(texts))}
     if len(places) < len(texts):  # where a text stood twice, Parquet files would get memory behind their dictionary
         codes = pa.array([places[text] for text in texts], pa.int32()).take(codes)
-    return pa.DictionaryArray.from_arrays(codes, pa.array(list(places), pa.string()))
+    # The core gives no code without a text: each cell would be looked at for that.
+    return pa.DictionaryArray.from_arrays(codes, pa.array(list(places), pa.string()), safe=False)
 
 
 def _truths(cells: Array) -> pa.Array:
@@ -163,6 +164,8 @@ def _truths(cells: Array) -> pa.Array:
 
 def _set_bits(array: pa.Array, names: Sequence[str]) -> pa.Array:
     bits = numbers(array)
+    if not bits.any():
+        return _texts(pa.nulls(len(bits), pa.int32()), ())
     some = np.flatnonzero(bits)
     found, inverse = np.unique(bits[some], return_inverse=True)
     codes = np.zeros(len(bits), np.int32)
@@ -175,12 +178,13 @@ def _types(table: pa.RecordBatch, registry: Registry) -> pa.Array:
     codes = numbers(table.column("variant")).astype(np.uint32) << 24
     codes |= numbers(table.column("kind")).astype(np.uint32) << 16
     codes |= numbers(table.column("type_id"))
-    found = pa.array(codes).dictionary_encode()
-    known = [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in found.dictionary.to_pylist()]
+    encoded = pa.array(codes).dictionary_encode()  # hashed: to sort all of them takes longer
+    found, ranks = np.unique(numbers(encoded.dictionary), return_inverse=True)
+    inverse = ranks.astype(np.int32)[numbers(encoded.indices)]
+    known = [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in found.tolist()]
     missing = np.array([message is None for message in known], bool)
     texts = ["" if message is None else message.name for message in known]
-    places = numbers(found.indices)
-    return _texts(pa.array(places, mask=missing[places]) if missing.any() else found.indices, texts)
+    return _texts(pa.array(inverse, mask=missing[inverse]), texts)
 
 
 def _names(field: pa.Field) -> dict[int, str]:

@@ -77,7 +77,7 @@ def rows_inside(
     part: FrameTables | Batch, window: Window, limits: tuple[int | None, int | None], numbering: Numbering
 ) -> tuple[Array, Array]:
     """Return the rows (u32) of frames and of events that are inside a window with these limits of time."""
-    if not window:
+    if limits == (None, None) and window.frames is None:
         return np.arange(len(part.frames), dtype=np.uint32), np.arange(len(part.events), dtype=np.uint32)
     times, lines = numbers(part.frames.column("t")), numbers(part.frames.column("line"))
     before = np.searchsorted(lines, numbers(part.events.column("line")))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from analyzer.app.criteria import Criteria
     from analyzer.app.filtered.frames import MatchingFrames
+    from analyzer.app.found import FoundTable
     from analyzer.app.run import Run
     from analyzer.cli.complaints import Complaints
     from analyzer.cli.export.target import Goal
@@ -135,7 +136,6 @@ class _Export:
 
     def tables(self) -> None:
         """Write a file for each table, or one table."""
-        from analyzer.app.found import FoundTable  # noqa: PLC0415
         from analyzer.app.happened import HappenedTables  # noqa: PLC0415
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
@@ -144,7 +144,7 @@ class _Export:
         run, goal = self._run, self._goal
         place: AbstractContextManager[Target | TargetFolder]
         place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
-        found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path), self._chosen)
+        found = None if self._criteria is None else self._found(self._criteria)
         happened = HappenedTables(run, goal.tables, self._beside.read())
         with place as target, ExitStack() as stack:
             if found is not None:
@@ -179,6 +179,11 @@ class _Export:
         self._account(f"{tables} with {sum(export.rows.values())} rows", target.name)
         if goal.folder:
             _say_stale(run, goal, {Path(_file(goal, name)).name for name in export.rows})
+
+    def _found(self, criteria: Criteria) -> FoundTable:
+        from analyzer.app.found import FoundTable  # noqa: PLC0415 - it brings the rules
+
+        return FoundTable(self._run, criteria, _scratch(self._goal.path), self._chosen)
 
     def telemetry(self) -> None:
         """Write messages, frames, events and findings into one MCAP file."""
