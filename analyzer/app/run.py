@@ -89,18 +89,13 @@ class Run(AbstractContextManager["Run"]):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
         """Take what cannot be opened or written as the state that it leaves, not as a failure."""
-        if isinstance(error, RunEndedError):
-            return True
-        if isinstance(error, (CaptureError, TargetError)):
-            self.complain(str(error))
-            self._state = "damaged"
-            return True
+        damaged = isinstance(error, (CaptureError, TargetError))
         # Types are compiled when they occur, captures are compared when they are opened.
-        if isinstance(error, (DsdlError, ProfileError, MergeError)):
+        if damaged or isinstance(error, (DsdlError, ProfileError, MergeError)):
             self.complain(str(error))
-            self._state = "refused"
+            self._state = "damaged" if damaged else "refused"
             return True
-        return False
+        return isinstance(error, RunEndedError)
 
     @property
     def state(self) -> RunState:
