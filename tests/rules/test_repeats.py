@@ -10,6 +10,7 @@ import pyarrow as pa
 import pytest
 
 from analyzer.rules.capture_gaps import GAP, CaptureGaps
+from analyzer.rules.joint import repeats
 from analyzer.rules.joint.alike import identities
 from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.repeats import Repeats
@@ -92,6 +93,17 @@ def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None
     for _ in range(2):  # the second time from what is kept
         found = {number for part in parts for number in part[known.among(asked, part)].tolist()}
         assert found == {number for number in range(len(frames)) if came_once(frames, number)} != set()
+
+
+def test_large_batches_know_as_much_of_what_came_before_as_small_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [Sent(0, 0x1F040A0A, bytes([number]), 0xC0) for number in range(100)]
+    monkeypatch.setattr(repeats, "_HELD", 100)
+    for size in (10, 100, 150):
+        known, again = Repeats(), [*frames, *frames]
+        for first in range(0, len(again), size):
+            known.feed(table(again[first : first + size], first))
+            numbers = list(range(max(first, len(frames)), min(first + size, len(again))))
+            assert known.among(lacks(numbers), np.arange(len(numbers))).all(), (size, first)
 
 
 @pytest.mark.parametrize("seed", range(3))

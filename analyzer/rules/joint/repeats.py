@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 LOOK = 1 << 15  # frames before one among which it may have been before
-_HELD = 1 << 17  # frames at least; what is older is not looked for
+_HELD = 1 << 17  # frames before the newest batch at least; what is older is not looked for
 _NEAR = SECOND  # so far apart is what the same piece of a capture does to sessions
 _FEW = 8  # frames in a row may have the same bytes before the tail: an uptime, for one
 _NEW, _ONCE = 0, 2  # what a frame is, as the core says
@@ -38,7 +38,7 @@ class Repeats:
             return
         self._batches.append(frames.bare)
         self._held += len(frames)
-        while self._held - len(self._batches[0]) >= _HELD:
+        while self._held - len(self._batches[0]) - len(frames) >= _HELD:
             self._held -= len(self._batches.popleft())
 
     def among(self, lacks: LackRows, rows: Array) -> Array:
