@@ -199,6 +199,15 @@ print(events.ssl.SSLContext.__name__, events.sslproto.SSLProtocol.__name__)
 from can.io.asc import ASCReader
 from can.io import blf
 from can.io import Printer
+class Plugin(can.ThreadSafeBus):
+    shared: "can.ThreadSafeBus | None" = None
+    kinds = can.ThreadSafeBus | None, int | can.Printer
+class Writer(can.ASCWriter):
+    pass
+with Plugin(interface="virtual", channel="quiet") as bus:
+    print([kind.__name__ for kind in Plugin.__mro__], isinstance(bus, can.ThreadSafeBus))
+print(issubclass(Writer, can.ASCWriter))
+print(Writer.__mro__[1].__module__, can.ThreadSafeBus.send.__name__, Plugin.kinds)
 with can.Printer() as printer:
     print(ASCReader.__name__, blf.BLFReader.__name__, isinstance(printer, sys.modules["can.io.printer"].Printer))
 """

@@ -7,7 +7,10 @@ import gc
 import os
 import sys
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 _FIRST = 200_000  # objects: more than any command makes while it starts
 # Objects that are made until garbage is looked for, and how often until older and the oldest ones are looked through:
@@ -137,18 +140,41 @@ class _Light(ModuleType):
                 setattr(sys.modules[package], name, light)
 
 
-class _Makers(_Light):
-    """What would be classes of it are functions that make them, imported when they are called."""
+class _Later:
+    """A class that is imported once somebody makes one, derives another from it, or asks anything of it."""
+
+    def __init__(self, found: Callable[[], Any]) -> None:
+        self._found = found
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        return self._found()(*given, **named)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._found(), name)
+
+    def __mro_entries__(self, _: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (self._found(),)
+
+    def __instancecheck__(self, one: Any) -> bool:
+        return isinstance(one, self._found())
+
+    def __subclasscheck__(self, one: Any) -> bool:
+        return issubclass(one, self._found())
+
+    def __or__(self, other: Any) -> Any:
+        return self._found() | other
+
+    def __ror__(self, other: Any) -> Any:
+        return other | self._found()
+
+
+class _Classes(_Light):
+    """A module whose classes are imported when somebody needs one."""
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__
-        if not name[:1].isupper():
-            return found(name)
-
-        def make(*given: Any, **named: Any) -> Any:
-            return found(name)(*given, **named)
-
-        return make
+        is_class = name[:1].isupper() and not name.isupper()
+        return _Later(lambda: found(name)) if is_class else found(name)
 
 
 def plain_can() -> None:
@@ -164,8 +190,8 @@ def plain_can() -> None:
     found = importlib.util.find_spec("can")
     if found is not None and found.submodule_search_locations:
         inside = [os.path.join(*found.submodule_search_locations, "io")]  # noqa: PTH118
-        _Makers.put("can.io", __path__=inside)
-        _Makers.put("can.thread_safe_bus")
+        _Classes.put("can.io", __path__=inside)
+        _Classes.put("can.thread_safe_bus")
     _Light.put("ssl")
     _Light.put("asyncio.sslproto")
 
