@@ -72,18 +72,19 @@ class PacketTables:
         continued = list(described.unwrapped(family.unit_at))
         order = _ORDER if packet.numbers else ()
         own = [*CARRIED, _OFFSET, *_VERDICTS, *order, *described.fields, *continued]
-        self._native, self._counters = described.native, _native.Counters()
+        self._native = described.native
         self._whole = Assembler(own, metadata(clause=packet.clause))
         self._fields = Assembler(described.fields, {})
         self.wraps = bool(continued)
+        self._counters = _native.Counters() if self.wraps else None
 
     def make(self, rows: PacketRows, order: tuple[Array, Array] | None) -> pa.RecordBatch:
         """Return their table; `order` says which are big-endian, and of which that is decided.
 
-        To be called in the order of the capture if there are counters that wrap.
+        To be called in the order of the capture if there are counters that wrap; else by any threads at once.
         """
         flags = None if order is None else (order[0].tobytes(), order[1].tobytes())
-        return self._whole.table(self._native.packets(rows, flags, self._counters))
+        return self._whole.table(self._native.packets(rows, flags, self._counters or _native.Counters()))
 
     def read(self, rows: PacketRows, *, big: bool) -> dict[str, pa.Array]:
         """Return the columns of the fields of whole packets, all read in one byte order, by name."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from kit import encode
+from kit.judged import registry
+from kit.traffic import UNIT, log
 
 from analyzer.decode import messages
 from analyzer.decode.engine import Engine
@@ -56,3 +60,19 @@ def test_a_table_is_made_once_and_only_when_asked_for(monkeypatch: pytest.Monkey
     assert made.count("RawCommand") == len(commanded)
     with pytest.raises(KeyError):
         commanded[0].messages["NoSuchTable"]
+
+
+def test_tables_of_several_batches_are_made_in_several_threads_at_once() -> None:
+    """As rules and whoever shows what they judge do."""
+    sent = []
+    for number in range(32):
+        packet = encode.packet("PUSHSCI.FocQuery", number, UNIT)
+        fields = {"data_sequence": number, "data": list(packet)}
+        sent.append((float(number), encode.transfer("PUSHSCI", fields, 10, number)))
+    engine, text = Engine(registry()), (log(*sent) * 40).encode()
+    found = [batch for _ in range(60) for batch in (*engine.feed(text), *engine.flushed())]
+    tables = [batch.messages for batch in found if "PUSHSCI.FocQuery" in batch.messages]
+    assert len(tables) > 50
+    with ThreadPoolExecutor(4) as pool:
+        rows = sum(pool.map(lambda some: len(some["PUSHSCI.FocQuery"]), tables))
+    assert rows == 60 * 40 * 32
