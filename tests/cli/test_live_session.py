@@ -80,7 +80,7 @@ def test_what_is_settled_without_new_frames_is_judged(
     command: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A frame whose verdict comes only with the end of everything."""
-    monkeypatch.setattr(live_run, "_INTERVALS", {"quiet": 0.05})
+    monkeypatch.setattr(live_run, "_INTERVALS", {"quiet": (0.05, 0.05)})
 
     def work() -> None:
         with can.Bus("late", interface="virtual") as bus:
