@@ -6,6 +6,7 @@ text or batches of rows out.
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from importlib import import_module
 from itertools import chain
@@ -72,7 +73,8 @@ class Source(Stored):
 
         Raises `CaptureError` when nothing at all can be read.
         """
-        yield from self._read(self.stored())
+        with closing(self.stored()) as stored:
+            yield from self._read(stored)
 
     def damaged(self, place: str, reason: str) -> None:
         """End the reading early, for this reason; the first one counts, and none if it was stopped on purpose."""

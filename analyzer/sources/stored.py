@@ -12,7 +12,7 @@ from analyzer.sources import origin
 from analyzer.sources.errors import CaptureError, StopReading, UnavailableError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterator
 
     from analyzer.sources.origin import FileObject, Opened, Origin
 
@@ -70,7 +70,7 @@ class Stored:
         """Open the bytes for one more reading. Raises `CaptureError`."""
         return origin.opened(self.origin)
 
-    def stored(self) -> Iterator[bytes]:
+    def stored(self) -> Generator[bytes, None, None]:
         """Read the bytes, in chunks of any size. Raises `CaptureError` when not even the first byte can be had."""
         if self.follow and not isinstance(self.origin, str):
             raise CaptureError(self.name, "", "only a file or a pipe can be followed")

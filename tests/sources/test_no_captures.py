@@ -6,16 +6,16 @@ import gzip
 import os
 import threading
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from analyzer.cli import main
-from analyzer.sources import Source
+from analyzer.sources import CaptureError, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 PROSE = """# The flight of Tuesday
 
@@ -62,6 +62,15 @@ def test_what_a_file_is(tmp_path: Path, what: str, capfd: pytest.CaptureFixture[
             assert [line for line in err if "looks like" in line] == [
                 f"tailbyte: {path}: byte 0: looks like {what}, which is not read"
             ]
+
+
+def test_a_file_that_is_no_capture_is_closed_while_the_error_lives(tmp_path: Path) -> None:
+    path = tmp_path / "x.pcapng"
+    path.write_bytes(b"Hello\nthis is a readme\n")
+    with pytest.raises(CaptureError) as told:
+        list(Source(str(path)).chunks())
+    held = [one for one in Path("/proc/self/fd").iterdir() if one.exists() and one.samefile(path)]
+    assert not held, told
 
 
 def test_a_directory(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
