@@ -68,14 +68,13 @@ class LateFrames:
             if sum(len(rows) for _, rows in self._waiting) > MOST_WAITING:
                 self._spool = Spool(_STORED, self._folder)
         if self._spool is not None:
-            while self._waiting:
-                frames, rows = self._waiting.popleft()
+            for frames, rows in self._in_memory():
                 self._spool.feed(pa.RecordBatch.from_arrays([*frames.columns, pa.array(rows)], schema=_STORED))
 
     def replay(self) -> Iterator[tuple[pa.RecordBatch, Array]]:
         """Give what still waits, with its numbers, after the last verdict. Raises `TargetError`."""
         late = _Late(self._settled)
-        for frames, rows in self._stored() if self._spool is None else self._spooled(self._spool):
+        for frames, rows in self._in_memory() if self._spool is None else self._spooled(self._spool):
             yield late.corrected(frames, rows), rows
 
     def close(self) -> None:
@@ -83,7 +82,7 @@ class LateFrames:
         if self._spool is not None:
             self._spool.close()
 
-    def _stored(self) -> Iterator[tuple[pa.RecordBatch, Array]]:
+    def _in_memory(self) -> Iterator[tuple[pa.RecordBatch, Array]]:
         while self._waiting:
             yield self._waiting.popleft()
 

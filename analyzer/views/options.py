@@ -1,4 +1,4 @@
-"""What is asked of a view: plain data, for whoever only hands it on."""
+"""The wishes for a view: plain data, for whoever only hands it on."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What rules find, added up: occurrences to the runs that a report tells of."""
+"""Findings added up: occurrences to the runs that a report tells of."""

@@ -160,17 +160,13 @@ class Findings:
         run = self._before(key, first)
         if run is None or run.episode is not None:
             return False
+        goes_on = is_full(run, first)
         if last > run.last:
-            if run is not self.runs[key][-1]:
-                return False  # they may join the run behind it, too
-            run_on = self._is_crowded(key.rule) or (
-                is_full(run, first) and closeness(self._pages[key.rule])(run, first)
-            )
-            if not run_on:
-                return False
-            run.last = last
-        elif not is_full(run, first):
+            goes_on = self._is_crowded(key.rule) or (goes_on and closeness(self._pages[key.rule])(run, first))
+            goes_on = goes_on and run is self.runs[key][-1]  # else they may join the run behind it, too
+        if not goes_on:
             return False
+        run.last = max(run.last, last)
         run.count += count
         self._mark(key)
         return True

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
 
 
-class _Told:
+class _ToldRun:
     """A run to tell of, and the same with one example, once that is asked for."""
 
     __slots__ = ("_short", "place", "told")
@@ -35,7 +35,7 @@ class _Told:
         self.told, self.place = (key, run), (run.first, key)
         self._short: tuple[FindingKey, OccurrenceRun] | None = None
 
-    def or_same(self, before: _Told | None) -> _Told:
+    def or_same(self, before: _ToldRun | None) -> _ToldRun:
         """Return what was told before from the same place if that says the same."""
         if before is None:
             return self
@@ -71,7 +71,7 @@ class Results:
 
     def __init__(self, pages: Mapping[str, Page], severities: Mapping[str, Severity]) -> None:
         self._pages, self._severities = pages, severities
-        self._spots: dict[Spot, list[_Told]] = {}
+        self._spots: dict[Spot, list[_ToldRun]] = {}
         self._lasting: set[Spot] = set()  # those whose text goes on with the time
         self._choices: _Choices = {}
         self._explains: dict[str, list[str]] = {}
@@ -102,7 +102,7 @@ class Results:
         work = _Work(findings, self._pages, self._severities, choices)
         for spot in due:
             before = {one.place: one for one in told.get(spot, ())}
-            found = [_Told(*one) for one in work.told(spot, end, over=over)]
+            found = [_ToldRun(*one) for one in work.told(spot, end, over=over)]
             told[spot] = [one.or_same(before.get(one.place)) for one in found]
             if not over and any(run.episode is not None for _, run in map(_TOLD, found)):
                 self._lasting.add(spot)
