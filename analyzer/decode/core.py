@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     AskedSessions = Callable[[int, int, int, int], bool]
 
 BATCH_ROWS = 1 << 17
+# A batch is half as long where more than one of so many frames is no part of a transfer: such rows take more room.
+_MOST_LOOSE = 32
+_AT_HOME = [VERDICTS.index("used"), VERDICTS.index("foreign")]
 # The lines of a capture and the terms of their sum.
 LINES = (
     "lines", "frames", "error_frames", "drops", "comments", "blank", "unreadable", "other", "repeated"
@@ -78,13 +81,17 @@ class Core:
     def __init__(self, registry: Registry, sessions: AskedSessions | None = None) -> None:
         self.measured = False
         self._native = _native.Pipeline(registry.signatures, sessions)
+        self._loose = 0  # frames before this piece that are part of no transfer, but should be
 
     def feed(self, chunk: bytes | FrameBatch) -> Iterator[Piece]:
-        """Take text, cut anywhere, or the rows of a reader; yield a piece for about every `BATCH_ROWS` rows."""
+        """Take text, cut anywhere, or the rows of a reader; yield a piece for about every `BATCH_ROWS` rows.
+
+        It is half as many where many frames are part of no transfer.
+        """
         at: int | None = 0
         while at is not None:
             at = self._native.feed(chunk, at)
-            if self._native.waiting >= BATCH_ROWS:
+            if self._is_full():
                 yield self._piece()
 
     def flush(self) -> Piece:
@@ -113,6 +120,17 @@ class Core:
         totals = Totals(dict(core.lines), dict(zip(VERDICTS, core.verdicts, strict=True)))
         return Account(totals, core.stamps, tuple(core.buses), core.unasked)
 
+    def _is_full(self) -> bool:
+        waiting = self._native.waiting
+        if waiting < BATCH_ROWS // 2:
+            return False
+        return waiting >= BATCH_ROWS or (self._loose_so_far() - self._loose) * _MOST_LOOSE > waiting
+
+    def _loose_so_far(self) -> int:
+        verdicts = self._native.verdicts
+        return sum(verdicts) - sum(verdicts[verdict] for verdict in _AT_HOME)
+
     def _piece(self, *, waits: bool = True, last: bool = False) -> Piece:
+        self._loose = self._loose_so_far()
         tables, groups = self._native.take(measured=self.measured)
         return Piece(tables, groups, self.account, waits, last, self._native.settled_before)
