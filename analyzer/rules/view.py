@@ -28,6 +28,7 @@ from dissectors.kit import (
     times_by_bus,
 )
 from dissectors.kit.cells import numbers
+from dissectors.kit.decoded import contexts_of
 from dissectors.kit.view import Settled
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors import Registry
     from dissectors.kit import Array, JointLosses, Kept, Seconds, Values
+    from dissectors.kit.decoded import Context
     from dissectors.schema import Message
 
 MESSAGE = KINDS.index("message")
@@ -216,11 +218,19 @@ class BatchView:
 
     def tables(self) -> Sequence[str]:
         """Return names of the tables that this batch has."""
-        return self._named
+        return self._every[0]
+
+    @property
+    def contexts(self) -> Sequence[Context]:
+        """The message tables of this batch, small ones joined."""
+        return self._every[1]
 
     @cached_property
-    def _named(self) -> Sequence[str]:
-        return [name for name, rows in self._messages.items() if rows.num_rows]
+    def _every(self) -> tuple[Sequence[str], Sequence[Context]]:
+        """Who goes over all tables asks most of them the same: they are joined before that."""
+        names = [name for name, rows in self._messages.items() if rows.num_rows]
+        known = (self.table(name) for name in names if self.definition(name) is not None)
+        return names, contexts_of(table for table in known if table is not None)
 
     def definition(self, name: str) -> Message | None:
         """Return the type of a message table, None for other tables."""

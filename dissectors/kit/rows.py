@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from dissectors.kit.array import Array
     from dissectors.kit.occurrence import Values
-    from dissectors.kit.tables import DecodedTable
+    from dissectors.kit.decoded import DecodedTable
     from dissectors.kit.view import View
 
 NODES = 1 << 15  # 8 bits of bus, 7 of node ID
