@@ -211,7 +211,8 @@ class Context:
 
 def contexts_of(tables: Iterable[DecodedTable]) -> list[Context]:
     """Return what message tables of a batch are joined to: all that have few rows; each other one stands alone."""
-    some, alone = [], []
+    some: list[DecodedTable] = []
+    alone: list[DecodedTable] = []
     for table in tables:
         (some if len(table) < _FEW else alone).append(table)
     return [*([Context(some)] if some else []), *(Context([one]) for one in alone)]

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dissectors.kit.array import Array
-    from dissectors.kit.occurrence import Values
     from dissectors.kit.decoded import DecodedTable
+    from dissectors.kit.occurrence import Values
     from dissectors.kit.view import View
 
 NODES = 1 << 15  # 8 bits of bus, 7 of node ID
