@@ -29,9 +29,10 @@ class Tail:
 class Shape:
     """A type, as far as the rules ask for it.
 
-    `floats` are widths by dotted name, `float_fields` the outer fields that have them, `lists` the outer arrays that have a length. `numbers` are `least`, `most`, bits
-    of an element of `tail` if all have as many and it is no array inside, and as 0 or 1 whether there are void bits,
-    lengths that may be wrong, and such lengths in a payload without that of the tail.
+    `floats` are widths by dotted name, `float_fields` the outer fields that have them, `lists` the outer arrays that
+    have a length. `numbers` are `least`, `most`, bits of an element of `tail` if all have as many and it is no array
+    inside, and as 0 or 1 whether there are void bits, lengths that may be wrong, and such lengths in a payload without
+    that of the tail.
     """
 
     message: Message
