@@ -138,7 +138,7 @@ class BatchView:
         self.transfers = TransferTable(empty(TRANSFERS) if batch is None else batch.transfers, first_transfer)
         self.events = EventTable(empty(EVENT_ROWS) if batch is None else batch.events)
         self._settled = None if batch is None else batch.settled
-        self._tables: dict[str, DecodedTable] = {}
+        self._tables: dict[str, DecodedTable | None] = {}
         self.before = past.last
         self.cut_in = past.cut_in
         self.joint_losses: JointLosses | None = None  # what is known now of frames that several senders lack at once
@@ -211,9 +211,8 @@ class BatchView:
         """Return the rows of a message or packet in this batch."""
         if name not in self._tables:
             rows = self._messages.get(name)
-            if rows is None or not rows.num_rows:
-                return None
-            self._tables[name] = DecodedTable(name, rows, self.transfers.first)
+            known = rows is not None and rows.num_rows
+            self._tables[name] = DecodedTable(name, rows, self.transfers.first) if known else None
         return self._tables[name]
 
     def tables(self) -> Sequence[str]:

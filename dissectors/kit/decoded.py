@@ -17,7 +17,7 @@ from dissectors.kit.cells import column, offsets_of, pylist, valid
 from dissectors.kit.nested import inner, listed, not_finite
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit.array import Array
 
@@ -53,6 +53,7 @@ class DecodedTable:
         self._valid: dict[str, Array] = {}
         self._lists: dict[str, tuple[Array, Array]] = {}
         self._context: tuple[Context, slice] | None = None
+        self._made: dict[Callable[[DecodedTable], Array], Array] = {}
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: it never changes."""
@@ -81,13 +82,21 @@ class DecodedTable:
         """Return a column of numbers; cells without a value are arbitrary, a missing time is `NO_TIME`."""
         found = self._columns.get(name)
         if found is None:
-            found = self._columns[name] = self._made(name)
+            found = self._columns[name] = self._read(name)
         return found
 
-    def _made(self, name: str) -> Array:
+    def _read(self, name: str) -> Array:
         if self._context is not None and name in _CONTEXT:
             return self._context[0][name][self._context[1]]
         return column(self._column(name), time=name == "t")
+
+    def once(self, make: Callable[[DecodedTable], Array]) -> Array:
+        """Return what `make` makes of the table, and keep it: several rules ask for it. Not to be written to."""
+        found = self._made.get(make)
+        if found is None:
+            found = self._made[make] = make(self)
+            found.flags.writeable = False
+        return found
 
     def join(self, context: Context, rows: slice) -> None:
         """Take columns from what they are joined in, where they are these rows."""

@@ -21,12 +21,23 @@ NODES = 1 << 15  # 8 bits of bus, 7 of node ID
 
 
 def usable(table: DecodedTable) -> Array:
-    """Return a mask of the rows of a message table with a good CRC that hold every field."""
+    """Return a mask of the rows of a message table with a good CRC that hold every field; not to be written to."""
+    return table.once(_usable)
+
+
+def _usable(table: DecodedTable) -> Array:
     return table.trusted & (table["bits_left"] >= 0)
 
 
 def sound(table: DecodedTable) -> Array:
-    """Return a mask of the rows whose packet is whole, with the right length and checksum, in a trusted transfer."""
+    """Return a mask of the rows whose packet is whole, with the right length and checksum, in a trusted transfer.
+
+    It is not to be written to.
+    """
+    return table.once(_sound)
+
+
+def _sound(table: DecodedTable) -> Array:
     return table["packet_ok"] & table.trusted
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_right
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ _MOST_LOSSES = 1024  # remembered of a session; 256 before a packet are all that
 _MOST_GAPS = 256
 _BROKEN = -1
 _NAMES = ("PUSHSCI", "PUSHCAN")
+_LEAD = itemgetter(0)
 
 
 class _Losses(NamedTuple):
@@ -28,11 +30,14 @@ class _Losses(NamedTuple):
     lead: array[int]
     lost: array[int]
 
-    def add(self, lead: Array, lost: Array) -> None:
+    def add(self, lead: Sequence[int], lost: Sequence[int]) -> None:
         """Add some."""
-        leads, counts = np.append(self.lead, lead), np.append(self.lost, lost)
-        order = np.argsort(leads, kind="stable")
-        self.lead[:], self.lost[:] = (array("q", column[order].tobytes()) for column in (leads, counts))
+        pairs = sorted(zip(lead, lost, strict=True), key=_LEAD)
+        if self.lead and pairs[0][0] < self.lead[-1]:
+            pairs = sorted([*zip(self.lead, self.lost, strict=True), *pairs], key=_LEAD)
+            del self.lead[:], self.lost[:]
+        self.lead.extend(one for one, _ in pairs)
+        self.lost.extend(count for _, count in pairs)
 
 
 class TransferLosses:
@@ -61,7 +66,7 @@ class TransferLosses:
         session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
         for key, mine in groups(session):
             known = self._lost.setdefault((_NAMES[key & 1], key >> 1), _Losses(array("q"), array("q")))
-            known.add(t.lead[rows[mine]], lost[mine])
+            known.add(t.lead[rows[mine]].tolist(), lost[mine].tolist())
 
     def forget(self) -> None:
         """Leave out what is older than any packet that is still to be judged."""
@@ -164,7 +169,8 @@ class Before:
             places = self.places.setdefault(table.name, Latest(0))
             places.feed(keys, place(table))
             low = int(keys.min())
-            held = np.flatnonzero(np.bincount(keys - low)) + low
-            rows = ((places.get(key) >> 16) - transfers.first for key in held.tolist())
-            leads = np.fromiter((transfers.frames(row)[0] for row in rows), np.int64, len(held))
-            self._leads.setdefault(table.name, Latest(0)).feed(held, leads)
+            last = np.full(int(keys.max()) - low + 1, -1)
+            last[keys - low] = np.arange(len(keys))  # of a key's rows the last one stays
+            held = np.flatnonzero(last >= 0)
+            leads = transfers.lead[table.row[last[held]]]
+            self._leads.setdefault(table.name, Latest(0)).feed(held + low, leads)
