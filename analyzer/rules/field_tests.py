@@ -127,7 +127,7 @@ class FieldTest(Rule):
 
     def _lower(self, table: DecodedTable, field: _Field, before: dict[int, float]) -> Array:
         """Return rows with a counter below the last one of its kind; notes what that was."""
-        rows = np.flatnonzero(judged(table, field.name, np.arange(len(table))))
+        rows = judged(table, field.name, np.arange(len(table))).nonzero()[0]
         parts = [table.bus, table.src, *([table[self._test.per]] if self._test.per else [])]
         found = []
         keys = zip(*(part[rows].tolist() for part in parts), strict=True)

@@ -7,7 +7,7 @@ thousands, so those of a small batch are joined where all of them are asked the 
 from __future__ import annotations
 
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -219,9 +219,9 @@ class Context:
 
 
 def contexts_of(tables: Iterable[DecodedTable]) -> list[Context]:
-    """Return what message tables of a batch are joined to: all that have few rows; each other one stands alone."""
-    some: list[DecodedTable] = []
-    alone: list[DecodedTable] = []
-    for table in tables:
-        (some if len(table) < _FEW else alone).append(table)
-    return [*([Context(some)] if some else []), *(Context([one]) for one in alone)]
+    """Return what message tables of a batch are joined to, in order: small ones that follow each other to one."""
+    found: list[Context] = []
+    for small, some in groupby(tables, lambda table: len(table) < _FEW):
+        alike = [*some]
+        found += [Context(alike)] if small else [Context([one]) for one in alike]
+    return found

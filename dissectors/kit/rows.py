@@ -81,7 +81,7 @@ def rows_by_bus(bus: Array, t: Array) -> Iterator[tuple[int, Array | None]]:
         yield int(bus[0]), None
         return
     timed = t != NO_TIME
-    for index in np.flatnonzero(np.bincount(bus)).tolist():
-        rows = np.flatnonzero((bus == index) & timed)
+    for index in np.bincount(bus).nonzero()[0].tolist():
+        rows = ((bus == index) & timed).nonzero()[0]
         if len(rows):
             yield index, rows

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.rules.values.bit_reader import PREFIX, TAIL, walk
 from analyzer.rules.values.shapes import BYTE, Shape, column_of, shape_of
-from dissectors.kit import Rule
+from dissectors.kit import Occurrences, Rule
+from dissectors.kit.order import spans
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from dissectors.kit import Array, Occurrences, Values, View
+    from dissectors.kit import Array, Values, View
     from dissectors.kit.decoded import Context
 
 
@@ -32,7 +34,7 @@ class Layouts(Rule):
             full = _full(context, shapes)
             odd = _odd(context, full)
             if len(odd):
-                yield from _OddRows(view, context, shapes, odd, full).found()
+                yield from _OddRows(view, context, shapes, odd, full).find()
 
 
 def _full(context: Context, shapes: Sequence[Shape]) -> Array | None:
@@ -79,38 +81,47 @@ class _OddRows:
         self._tagged, self._dirty = context["bad_tag"][rows], context["pad_nonzero"][rows]
         self._counted = _unread(self._left) if full is None else _unread(self._left) | full[rows]
         self._length = view.transfers.length[self._transfer]
+        self._found: dict[int, list[Occurrences]] = {}  # by table
 
-    def found(self) -> Iterator[Occurrences]:
-        """Yield their breaches, those of one rule in all tables together."""
+    def find(self) -> Iterator[Occurrences]:
+        """Yield their breaches, table by table."""
         numbers = np.array([one.numbers for one in self._shapes], np.int64)[self._table].T
         least, least_counted, most, element, voids, counted, counted_bare = numbers
         left, bare = self._left, self._layout == TAIL
-        yield from self._say("TYP-001", (left < 0) & (self._length < np.where(bare, least, least_counted)), self._short)
+        self._say("TYP-001", (left < 0) & (self._length < np.where(bare, least, least_counted)), self._short)
         bare_can = bare & ~self._view.transfers.fd[self._transfer]
-        yield from self._say("TYP-002", bare_can & (self._length > most), self._long)
+        self._say("TYP-002", bare_can & (self._length > most), self._long)
         plain = ~self._tagged
-        padded = np.flatnonzero(self._dirty & (left > 0) & (left < BYTE) & plain)
-        yield from self._say("TYP-003", [k for k in padded.tolist() if self._value(k)], self._padding)
-        yield from self._of_tail(np.flatnonzero(bare_can & (left >= BYTE) & plain & (element > 0)), element)
+        padded = (self._dirty & (left > 0) & (left < BYTE) & plain).nonzero()[0]
+        self._say("TYP-003", padded[[bool(self._value(k)) for k in padded.tolist()]], self._padding)
+        self._find_in_tails((bare_can & (left >= BYTE) & plain & (element > 0)).nonzero()[0], element)
         closer = self._tagged | (self._dirty & (voids > 0))
         closer |= self._counted & (np.where(bare, counted_bare, counted) > 0)
-        yield from self._closer(closer.nonzero()[0])
+        self._look_closer(closer.nonzero()[0])
+        for at in sorted(self._found):
+            yield from self._found[at]
 
-    def _say(
-        self, rule: str, rows: Array | Sequence[int], values: Callable[[int], Values], key: Array | None = None
-    ) -> Iterator[Occurrences]:
-        """Yield a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
-        transfers = self._transfer[rows]
-        if len(transfers):
-            yield self._view.among_transfers(rule, transfers, lambda one: values(self._place(one)), key=key)
+    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> None:
+        """Note a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
+        rows = rows.nonzero()[0] if rows.dtype == bool else rows
+        for at, start, stop in spans(self._table[rows]):
+            self._found.setdefault(at, []).append(self._part(rule, rows[start:stop], values))
 
-    def _place(self, transfer: int) -> int:
-        return int(np.flatnonzero(self._transfer == transfer)[0])
+    def _part(self, rule: str, rows: Array, values: Callable[[int], Values]) -> Occurrences:
+        every = self._every
+        return Occurrences(
+            rule=rule, t=every.t[rows], bus=every.bus[rows], node=every.node[rows], type=every.type[rows],
+            frame=every.frame[rows], values=lambda k: values(rows.item(k)), frames=lambda k: every.frames(rows.item(k)),
+        )  # fmt: skip
 
-    def _of_tail(self, rows: Array, element: Array) -> Iterator[Occurrences]:
-        """Yield what is wrong behind the array that ends a payload, whose `element` has so many bits."""
+    @cached_property
+    def _every(self) -> Occurrences:
+        return self._view.among_transfers("", self._transfer, lambda _: {})
+
+    def _find_in_tails(self, rows: Array, element: Array) -> None:
+        """Note what is wrong behind the array that ends a payload, whose `element` has so many bits."""
         elements: dict[int, int] = {}
-        for at in np.flatnonzero(np.bincount(self._table[rows])).tolist():
+        for at in np.bincount(self._table[rows]).nonzero()[0].tolist():
             table, tail = self._tables[at], self._shapes[at].tail
             if tail is not None:
                 column = column_of(table, tail.field)
@@ -129,27 +140,25 @@ class _OddRows:
             assert tail is not None  # noqa: S101 - these rows have one
             return {"field": tail.field, "elements": elements[k], "expected": tail.most}
 
-        yield from self._say("TYP-004", rows[left % step >= BYTE], torn)
-        yield from self._say("TYP-005", rows[left >= step], many)
+        self._say("TYP-004", rows[left % step >= BYTE], torn)
+        self._say("TYP-005", rows[left >= step], many)
 
-    def _closer(self, rows: Array) -> Iterator[Occurrences]:
-        wrong: dict[str, dict[int, Values]] = {}
+    def _look_closer(self, rows: Array) -> None:
+        wrong: dict[tuple[int, str, str], dict[int, Values]] = {}
         for k in rows.tolist():
             seen = walk(self._shape(k).message.layout, self._payload(k), int(self._layout[k]))
+            at = int(self._table[k])
             if seen.tag is not None:
                 said = dict(zip(("field", "tag", "members"), seen.tag, strict=True))
-                wrong.setdefault("TYP-011", {})[k] = said
+                wrong.setdefault((at, "TYP-011", seen.tag[0]), {})[k] = said
             if seen.many is not None:
                 said = dict(zip(("field", "elements", "expected"), seen.many, strict=True))
-                wrong.setdefault("TYP-005", {})[k] = said
+                wrong.setdefault((at, "TYP-005", seen.many[0]), {})[k] = said
             if seen.voids:
                 said = dict(zip(("bits", "value"), seen.voids[0], strict=True))
-                wrong.setdefault("TYP-012", {})[k] = said
-        for rule, values in wrong.items():
-            fields = [one.get("field", "") for one in values.values()]
-            codes = {field: code for code, field in enumerate(dict.fromkeys(fields))}
-            key = np.array([codes[field] for field in fields])
-            yield from self._say(rule, [*values], values.__getitem__, key)
+                wrong.setdefault((at, "TYP-012", ""), {})[k] = said
+        for (_, rule, _), values in wrong.items():
+            self._say(rule, np.array([*values]), values.__getitem__)
 
     def _shape(self, k: int) -> Shape:
         return self._shapes[int(self._table[k])]

@@ -53,7 +53,7 @@ def _none() -> _Rows:
 
 def _timed(table: DecodedTable, good: Array, names: Sequence[str]) -> _Rows:
     """Return good rows of a table that have a time, with some of its columns."""
-    rows = np.flatnonzero(good & (table.t != NO_TIME))
+    rows = (good & (table.t != NO_TIME)).nonzero()[0]
     values = np.array([table[name][rows] for name in names], np.float64)
     unsure = doubtful(table, rows)
     unsure = np.zeros(len(rows), bool) if unsure is None else unsure
@@ -78,7 +78,7 @@ class StatusAgreement(Rule):
             window = self._window(view)
             yield from self._judge(view, view.end - LONGEST - window)
             needed = int(self._packets.t.min(initial=view.end - LONGEST)) - window
-            self._status = self._status.take(np.flatnonzero(self._status.t >= needed)[-_MOST:])
+            self._status = self._status.take((self._status.t >= needed).nonzero()[0][-_MOST:])
 
     def finish(self, view: View) -> Iterator[Occurrences]:
         """Yield the last ones."""
@@ -100,8 +100,8 @@ class StatusAgreement(Rule):
         done = self._packets.t <= until
         if not done.any():
             return
-        packets = self._packets.take(np.flatnonzero(done))
-        self._packets = self._packets.take(np.flatnonzero(~done)[-_MOST:])
+        packets = self._packets.take(done.nonzero()[0])
+        self._packets = self._packets.take((~done).nonzero()[0][-_MOST:])
         yield from self._compare(view, packets)
         left = self._packets.transfer
         oldest = int(left.min()) if left.size else None
@@ -116,8 +116,8 @@ class StatusAgreement(Rule):
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
         for k in outside.tolist():
             low, high = _span(status, int(packets.node[k]))
-            first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
-            last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
+            first = low + status.t[low:high].searchsorted(packets.t[k] - window)
+            last = low + status.t[low:high].searchsorted(packets.t[k] + window, "right")
             near = values[:, status.order[first:last]]
             for field, (least, most) in enumerate(zip(near.min(axis=1), near.max(axis=1), strict=True)):
                 value = packets.values[field, k]

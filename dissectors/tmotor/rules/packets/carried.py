@@ -142,7 +142,7 @@ class Carried:
         if self._lists is None:
             self._lists = self._table.lists("data")
         starts, values = self._lists
-        at = int(np.searchsorted(self._table.row, row))
+        at = int(self._table.row.searchsorted(row))
         return bytes(values[starts[at] : starts[at + 1]])
 
     def pieces(self, row: int) -> list[CarriedPiece]:
@@ -162,7 +162,7 @@ class Carried:
     def _offsets(self, row: int) -> list[int]:
         found: list[int] = []
         for part in self._parts:
-            low, high = np.searchsorted(part.row, [row, row + 1])
+            low, high = part.row.searchsorted([row, row + 1])
             found += map(int, part["offset"][low:high])
         return sorted(found)
 

@@ -53,7 +53,7 @@ class TransferLosses:
     def feed(self, view: View) -> None:
         """Add what a batch lost: transfer IDs left out, damaged transfers, and packets that cannot be read."""
         t = view.transfers
-        rows = np.flatnonzero((t.type_id | 1) == TYPE_IDS["PUSHCAN"])  # the other one is 1 below
+        rows = ((t.type_id | 1) == TYPE_IDS["PUSHCAN"]).nonzero()[0]  # the other one is 1 below
         rows = rows[t.kind[rows] == 0]
         gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
         broken = rows[t.status[rows] != 0]
@@ -104,7 +104,7 @@ class CaptureGaps:
             resumed = view.resumed(resumed - 1)
         self._waiting += reversed(new)
         self._seen = max(self._seen, *new, NO_TIME)
-        while self._waiting and len(behind := np.flatnonzero(t.t >= self._waiting[0])):
+        while self._waiting and len(behind := (t.t >= self._waiting[0]).nonzero()[0]):
             self._numbers.append(t.first + int(behind[0]))
             del self._waiting[0]
         del self._numbers[:-_MOST_GAPS]
@@ -171,6 +171,6 @@ class Before:
             low = int(keys.min())
             last = np.full(int(keys.max()) - low + 1, -1)
             last[keys - low] = np.arange(len(keys))  # of a key's rows the last one stays
-            held = np.flatnonzero(last >= 0)
+            held = (last >= 0).nonzero()[0]
             leads = transfers.lead[table.row[last[held]]]
             self._leads.setdefault(table.name, Latest(0)).feed(held + low, leads)
