@@ -39,20 +39,37 @@ def _places_of(name: str, schema: pa.Schema) -> Mapping[str, int]:
     return known[1]
 
 
-class DecodedTable:
+class _NamedColumns:
+    """Columns of numbers by name, made when they are asked for."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column of numbers; cells without a value are arbitrary, a missing time is `NO_TIME`."""
+        found = self._columns.get(name)
+        if found is None:
+            found = self._columns[name] = self._read(name)
+        return found
+
+    def _read(self, name: str) -> Array:
+        raise NotImplementedError
+
+
+class DecodedTable(_NamedColumns):
     """One message or packet table of a batch; `row` are rows of its transfers in this batch.
 
     A packet's row stands once for each packet; `name` is the carrier's and its own (`PUSHCAN.MotorStatus`).
     """
 
     def __init__(self, name: str, batch: pa.RecordBatch, first_transfer: int) -> None:
+        super().__init__()
         self.name = name
         self._batch = batch
         self._first = first_transfer
-        self._columns: dict[str, Array] = {}
         self._valid: dict[str, Array] = {}
         self._lists: dict[str, tuple[Array, Array]] = {}
-        self._context: tuple[Context, slice] | None = None
+        self._joined: tuple[_Joined, slice] | None = None
         self._made: dict[Callable[[DecodedTable], Array], Array] = {}
 
     def __deepcopy__(self, _memo: object) -> Self:
@@ -78,16 +95,10 @@ class DecodedTable:
     def _column(self, name: str) -> pa.Array:
         return self._cells.field(self._places[name])
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a column of numbers; cells without a value are arbitrary, a missing time is `NO_TIME`."""
-        found = self._columns.get(name)
-        if found is None:
-            found = self._columns[name] = self._read(name)
-        return found
-
     def _read(self, name: str) -> Array:
-        if self._context is not None and name in _CONTEXT:
-            return self._context[0][name][self._context[1]]
+        if self._joined is not None and name in _CONTEXT:
+            joined, rows = self._joined
+            return joined[name][rows]
         return column(self._column(name), time=name == "t")
 
     def once(self, make: Callable[[DecodedTable], Array]) -> Array:
@@ -98,9 +109,9 @@ class DecodedTable:
             found.flags.writeable = False
         return found
 
-    def join(self, context: Context, rows: slice) -> None:
+    def join(self, joined: _Joined, rows: slice) -> None:
         """Take columns from what they are joined in, where they are these rows."""
-        self._context = context, rows
+        self._joined = joined, rows
 
     @property
     def context(self) -> pa.RecordBatch:
@@ -180,6 +191,17 @@ class DecodedTable:
         yield from not_finite(self._column(name), name)
 
 
+class _Joined(_NamedColumns):
+    """What stands in front of the fields of several tables, as one; it knows no table, which all know it."""
+
+    def __init__(self, parts: Sequence[pa.RecordBatch]) -> None:
+        super().__init__()
+        self._rows = pa.concat_batches(parts).to_struct_array()
+
+    def _read(self, name: str) -> Array:
+        return column(self._rows.field(_CONTEXT.index(name)), time=name == "t")
+
+
 class Context:
     """Message tables of a batch joined to one, as far as what stands in front of their fields.
 
@@ -189,28 +211,17 @@ class Context:
 
     def __init__(self, tables: Sequence[DecodedTable]) -> None:
         self.tables = tables
-        self._columns: dict[str, Array] = {}
         # Where each table begins, one entry more than tables.
         self.starts = [0, *accumulate(map(len, tables))]
+        self._columns: _NamedColumns = tables[0]
         if len(tables) > 1:
+            joined = self._columns = _Joined([one.context for one in tables])
             for table, rows in zip(tables, map(slice, self.starts, self.starts[1:]), strict=False):
-                table.join(self, rows)
+                table.join(joined, rows)
 
     def __getitem__(self, name: str) -> Array:
         """Return a column; a missing time is `NO_TIME`."""
-        found = self._columns.get(name)
-        if found is None:
-            found = self._columns[name] = self._made(name)
-        return found
-
-    def _made(self, name: str) -> Array:
-        if len(self.tables) == 1:
-            return self.tables[0][name]
-        return column(self._rows.field(_CONTEXT.index(name)), time=name == "t")
-
-    @cached_property
-    def _rows(self) -> pa.StructArray:
-        return pa.concat_batches([one.context for one in self.tables]).to_struct_array()
+        return self._columns[name]
 
     @cached_property
     def table(self) -> Array:
