@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analyzer.rules.limits import outside
-from dissectors.kit import Rule
+from dissectors.kit import Rule, usable
 from dissectors.records import dataclass
 from dissectors.schema import PrimitiveType
 
@@ -233,10 +233,13 @@ def farthest(low: Fraction | None, high: Fraction | None) -> Worst:
 
 def judged(table: DecodedTable, column: str, rows: Array) -> Array:
     """Return which rows can be relied on: complete, with a good CRC, and as packets sound."""
-    good = table.trusted[rows] & table.has(column)[rows]
+    good: Array = table.once(_reliable)[rows] & table.has(column)[rows]
+    return good
+
+
+def _reliable(table: DecodedTable) -> Array:
+    good = usable(table) if "bits_left" in table else table.trusted
     for name in ("packet_ok", "header_ok"):
         if name in table:
-            good = good & table[name][rows]
-    if "bits_left" in table:
-        good = good & (table["bits_left"][rows] >= 0)
+            good = good & table[name]
     return good
