@@ -68,7 +68,7 @@ def test_layouts_of_joined_tables(monkeypatch: pytest.MonkeyPatch, few: int) -> 
 
 @pytest.mark.parametrize("few", [0, 40, 1 << 12])
 def test_columns_of_joined_tables(monkeypatch: pytest.MonkeyPatch, few: int) -> None:
-    """Whether a column is taken from a table, or from what it is joined in."""
+    """A column is the same from a table alone and from what it is joined in."""
     monkeypatch.setattr(decoded, "_FEW", few)
     for view in views(odd_transfers(900, 1)):
         known = [name for name in view.tables() if view.definition(name) is not None]

@@ -27,7 +27,7 @@ def rows(told: list[Any]) -> _Rows:
 
 
 def is_outside(packet: Any, status: list[Any]) -> bool:
-    """Whether a packet is outside of the range of the reports just before and just behind it."""
+    """Return whether a packet is outside of the range of the reports just before and just behind it."""
     node, t, values = packet
     mine = sorted((one for one in status if one[0] == node), key=lambda one: one[1])
     before = [one for one in mine if one[1] < t]
