@@ -226,7 +226,7 @@ class BatchView:
 
     @cached_property
     def _every(self) -> tuple[Sequence[str], Sequence[Context]]:
-        """Who goes over all tables asks most of them the same: they are joined before that."""
+        """Names of all tables, and what message tables are joined to before anybody goes over all of them."""
         names = [name for name, rows in self._messages.items() if rows.num_rows]
         known = (self.table(name) for name in names if self.definition(name) is not None)
         return names, contexts_of(table for table in known if table is not None)

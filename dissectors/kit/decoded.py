@@ -192,7 +192,7 @@ class DecodedTable(_NamedColumns):
 
 
 class _Joined(_NamedColumns):
-    """What stands in front of the fields of several tables, as one; it knows no table, which all know it."""
+    """The columns in front of the fields of several tables, as one; it knows no table: all of them know it."""
 
     def __init__(self, parts: Sequence[pa.RecordBatch]) -> None:
         super().__init__()

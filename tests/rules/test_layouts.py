@@ -1,4 +1,4 @@
-"""What is asked of all tables of a batch at once is what each of them says alone."""
+"""Questions to all tables of a batch at once are answered as each of them answers alone."""
 
 from __future__ import annotations
 

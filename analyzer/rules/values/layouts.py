@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, Values, View
     from dissectors.kit.decoded import Context
 
+    _Found = Iterator[tuple[int, Occurrences]]
+
 
 class Layouts(Rule):
     """Rows that are not read to their last byte, or not in the way of their type."""
@@ -81,31 +83,36 @@ class _OddRows:
         self._tagged, self._dirty = context["bad_tag"][rows], context["pad_nonzero"][rows]
         self._counted = _unread(self._left) if full is None else _unread(self._left) | full[rows]
         self._length = view.transfers.length[self._transfer]
-        self._found: dict[int, list[Occurrences]] = {}  # by table
 
     def find(self) -> Iterator[Occurrences]:
         """Yield their breaches, table by table."""
+        found: dict[int, list[Occurrences]] = {}
+        for at, one in self._each():
+            found.setdefault(at, []).append(one)
+        for at in sorted(found):
+            yield from found[at]
+
+    def _each(self) -> _Found:
+        """Yield them rule by rule, each with the place of its table."""
         numbers = np.array([one.numbers for one in self._shapes], np.int64)[self._table].T
         least, least_counted, most, element, voids, counted, counted_bare = numbers
         left, bare = self._left, self._layout == TAIL
-        self._say("TYP-001", (left < 0) & (self._length < np.where(bare, least, least_counted)), self._short)
+        yield from self._say("TYP-001", (left < 0) & (self._length < np.where(bare, least, least_counted)), self._short)
         bare_can = bare & ~self._view.transfers.fd[self._transfer]
-        self._say("TYP-002", bare_can & (self._length > most), self._long)
+        yield from self._say("TYP-002", bare_can & (self._length > most), self._long)
         plain = ~self._tagged
         padded = (self._dirty & (left > 0) & (left < BYTE) & plain).nonzero()[0]
-        self._say("TYP-003", padded[[bool(self._value(k)) for k in padded.tolist()]], self._padding)
-        self._find_in_tails((bare_can & (left >= BYTE) & plain & (element > 0)).nonzero()[0], element)
+        yield from self._say("TYP-003", padded[[bool(self._value(k)) for k in padded.tolist()]], self._padding)
+        yield from self._in_tails((bare_can & (left >= BYTE) & plain & (element > 0)).nonzero()[0], element)
         closer = self._tagged | (self._dirty & (voids > 0))
         closer |= self._counted & (np.where(bare, counted_bare, counted) > 0)
-        self._look_closer(closer.nonzero()[0])
-        for at in sorted(self._found):
-            yield from self._found[at]
+        yield from self._closer(closer.nonzero()[0])
 
-    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> None:
-        """Note a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
+    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> _Found:
+        """Yield a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
         rows = rows.nonzero()[0] if rows.dtype == bool else rows
         for at, start, stop in spans(self._table[rows]):
-            self._found.setdefault(at, []).append(self._part(rule, rows[start:stop], values))
+            yield at, self._part(rule, rows[start:stop], values)
 
     def _part(self, rule: str, rows: Array, values: Callable[[int], Values]) -> Occurrences:
         every = self._every
@@ -118,8 +125,8 @@ class _OddRows:
     def _every(self) -> Occurrences:
         return self._view.among_transfers("", self._transfer, lambda _: {})
 
-    def _find_in_tails(self, rows: Array, element: Array) -> None:
-        """Note what is wrong behind the array that ends a payload, whose `element` has so many bits."""
+    def _in_tails(self, rows: Array, element: Array) -> _Found:
+        """Yield what is wrong behind the array that ends a payload, whose `element` has so many bits."""
         elements: dict[int, int] = {}
         for at in np.bincount(self._table[rows]).nonzero()[0].tolist():
             table, tail = self._tables[at], self._shapes[at].tail
@@ -140,10 +147,10 @@ class _OddRows:
             assert tail is not None  # noqa: S101 - these rows have one
             return {"field": tail.field, "elements": elements[k], "expected": tail.most}
 
-        self._say("TYP-004", rows[left % step >= BYTE], torn)
-        self._say("TYP-005", rows[left >= step], many)
+        yield from self._say("TYP-004", rows[left % step >= BYTE], torn)
+        yield from self._say("TYP-005", rows[left >= step], many)
 
-    def _look_closer(self, rows: Array) -> None:
+    def _closer(self, rows: Array) -> _Found:
         wrong: dict[tuple[int, str, str], dict[int, Values]] = {}
         for k in rows.tolist():
             seen = walk(self._shape(k).message.layout, self._payload(k), int(self._layout[k]))
@@ -158,7 +165,7 @@ class _OddRows:
                 said = dict(zip(("bits", "value"), seen.voids[0], strict=True))
                 wrong.setdefault((at, "TYP-012", ""), {})[k] = said
         for (_, rule, _), values in wrong.items():
-            self._say(rule, np.array([*values]), values.__getitem__)
+            yield from self._say(rule, np.array([*values]), values.__getitem__)
 
     def _shape(self, k: int) -> Shape:
         return self._shapes[int(self._table[k])]

@@ -33,9 +33,10 @@ class _Losses(NamedTuple):
     def add(self, lead: Sequence[int], lost: Sequence[int]) -> None:
         """Add some."""
         pairs = sorted(zip(lead, lost, strict=True), key=_LEAD)
-        if self.lead and pairs[0][0] < self.lead[-1]:
-            pairs = sorted([*zip(self.lead, self.lost, strict=True), *pairs], key=_LEAD)
-            del self.lead[:], self.lost[:]
+        at = bisect_right(self.lead, pairs[0][0])
+        if at < len(self.lead):
+            pairs = sorted([*zip(self.lead[at:], self.lost[at:], strict=True), *pairs], key=_LEAD)
+            del self.lead[at:], self.lost[at:]
         self.lead.extend(one for one, _ in pairs)
         self.lost.extend(count for _, count in pairs)
 
