@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dissectors.kit import Rule
+from analyzer.rules.limits import outside
+from dissectors.kit import Rule, usable
 from dissectors.records import dataclass
 from dissectors.schema import PrimitiveType
 
@@ -44,6 +45,19 @@ class _Field:
     special: tuple[int, ...]
     enum: tuple[int, ...]
     limits: tuple[Fraction | None, Fraction | None]
+    shown_limits: tuple[float, float]  # of what the column shows
+
+    @classmethod
+    def of(
+        cls, table: str, name: str, scale: Fraction | None, *, special: Iterable[int] = (), enum: Iterable[int] = (),
+        limits: tuple[Fraction | None, Fraction | None] = (None, None),
+    ) -> _Field:  # fmt: skip
+        """Return a field."""
+        # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
+        low, high = (None if limit is None else float(limit) for limit in limits)
+        step = 1.0 if scale is None else float(scale)
+        shown = -np.inf if low is None else (low - 0.5) * step, np.inf if high is None else (high + 0.5) * step
+        return cls(table, name, scale, tuple(special), tuple(enum), limits, shown)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +94,7 @@ class FieldTest(Rule):
         if self._test.kind == "backwards":
             rows = self._lower(table, field, before)
         else:
-            rows = np.flatnonzero(_wrong(self._test.kind, field, shown))
+            rows = _wrong(self._test.kind, field, shown)
             rows = rows[judged(table, field.name, rows)] if len(rows) else rows
         if not len(rows):
             return
@@ -113,7 +127,7 @@ class FieldTest(Rule):
 
     def _lower(self, table: DecodedTable, field: _Field, before: dict[int, float]) -> Array:
         """Return rows with a counter below the last one of its kind; notes what that was."""
-        rows = np.flatnonzero(judged(table, field.name, np.arange(len(table))))
+        rows = judged(table, field.name, np.arange(len(table))).nonzero()[0]
         parts = [table.bus, table.src, *([table[self._test.per]] if self._test.per else [])]
         found = []
         keys = zip(*(part[rows].tolist() for part in parts), strict=True)
@@ -185,10 +199,11 @@ def _field(
         if bits is None or bits.flag:
             table.fail(f"{name}.{field} has no number {part!r}", key)
         own = (bits.low_limit, bits.high_limit)
-        return _Field(name, f"{field}.{part}", bits.scale, (), tuple(bits.enum), _or(limits, own))
+        return _Field.of(name, f"{field}.{part}", bits.scale, enum=bits.enum, limits=_or(limits, own))
     if note is None:
-        return _Field(name, field, None, (), (), limits)
-    return _Field(name, field, note.scale, tuple(note.special), tuple(note.enum), _or(limits, (note.low, note.high)))
+        return _Field.of(name, field, None, limits=limits)
+    own = note.low, note.high
+    return _Field.of(name, field, note.scale, special=note.special, enum=note.enum, limits=_or(limits, own))
 
 
 def _or(limits: tuple[Any, Any], own: tuple[Any, Any]) -> tuple[Fraction | None, Fraction | None]:
@@ -196,19 +211,11 @@ def _or(limits: tuple[Any, Any], own: tuple[Any, Any]) -> tuple[Fraction | None,
 
 
 def _wrong(kind: str, field: _Field, shown: Array) -> Array:
-    if kind == "zero":
-        return np.not_equal(shown, 0)
-    if kind == "enum":
-        return ~np.isin(_raw(shown, field), field.enum)
-    wrong = np.zeros(len(shown), bool)
-    # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
-    scale = 1.0 if field.scale is None else float(field.scale)
-    low, high = field.limits
-    if low is not None:
-        wrong |= shown < (float(low) - 0.5) * scale
-    if high is not None:
-        wrong |= shown > (float(high) + 0.5) * scale
-    return wrong
+    """Return the places of numbers that a test finds wrong."""
+    if kind == "range":
+        return outside(shown, *field.shown_limits)
+    wrong = shown if kind == "zero" else ~np.isin(_raw(shown, field), field.enum)
+    return wrong.nonzero()[0]
 
 
 def _raw(shown: Array, field: _Field) -> Array:
@@ -226,10 +233,13 @@ def farthest(low: Fraction | None, high: Fraction | None) -> Worst:
 
 def judged(table: DecodedTable, column: str, rows: Array) -> Array:
     """Return which rows can be relied on: complete, with a good CRC, and as packets sound."""
-    good = table.trusted[rows] & table.has(column)[rows]
+    good: Array = table.once(_reliable)[rows] & table.has(column)[rows]
+    return good
+
+
+def _reliable(table: DecodedTable) -> Array:
+    good = usable(table) if "bits_left" in table else table.trusted
     for name in ("packet_ok", "header_ok"):
         if name in table:
-            good = good & table[name][rows]
-    if "bits_left" in table:
-        good = good & (table["bits_left"][rows] >= 0)
+            good = good & table[name]
     return good

@@ -8,7 +8,7 @@ import numpy as np
 
 from analyzer.rules.catalogue import load
 from analyzer.rules.field_tests import judged
-from analyzer.rules.values.noted_fields import LIMITS, NAMES, NotedColumn, columns_of
+from analyzer.rules.values.noted_fields import LIMITS, NAMES, NotedTest, columns_of
 from analyzer.rules.values.shapes import column_of
 from dissectors.kit import Rule
 
@@ -27,23 +27,26 @@ class NotedFields(Rule):
     def __init__(self, registry: Registry) -> None:
         self._taken = {name for page in load(registry).values() for name in page.judged}
         self._registry = registry
-        self._columns: dict[str, tuple[NotedColumn, ...]] = {}
+        self._tests: dict[str, tuple[NotedTest, ...]] = {}
 
     def feed(self, view: View) -> Iterable[Occurrences]:
         """Check each field with one mask."""
         for name in view.tables():
-            if name not in self._columns:
-                self._columns[name] = tuple(self._of(name))
-            table = view.table(name) if self._columns[name] else None
-            for column in self._columns[name] if table is not None else ():
-                if table is not None and (column.inner or column.name in table):
-                    yield from self._check(view, table, column)
+            tests = self._tests.get(name)
+            if tests is None:
+                tests = self._tests[name] = tuple(self._of(name))
+            table = view.table(name) if tests else None
+            if table is not None:
+                for test in tests:
+                    if test.column.inner or test.column.name in table:
+                        yield from self._check(view, table, test)
 
-    def _check(self, view: View, table: DecodedTable, column: NotedColumn) -> Iterator[Occurrences]:
-        severity: Severity | None = "note" if table.name.startswith("uavcan.") else None
-        rows, shown = _wrong(table, column)
+    def _check(self, view: View, table: DecodedTable, test: NotedTest) -> Iterator[Occurrences]:
+        rows, shown = _wrong(table, test)
         if not len(rows):
             return
+        column = test.column
+        severity: Severity | None = "note" if table.name.startswith("uavcan.") else None
         found = dict(zip(rows.tolist(), shown.tolist(), strict=True))
 
         def values(row: int) -> Values:
@@ -55,23 +58,24 @@ class NotedFields(Rule):
         worst = {} if column.rule == NAMES else {"number": (column.worst, shown.astype(np.float64))}
         yield view.among_rows(column.rule, table, rows, values, key=key, severity=severity, worst=worst)
 
-    def _of(self, table: str) -> Iterator[NotedColumn]:
+    def _of(self, table: str) -> Iterator[NotedTest]:
         of = self._registry.definition(table)
         if of is None:
             return
         for name, note in of.notes.items():
             for column in columns_of(name, note, of.layout):
                 if f"{table}.{column.name}" not in self._taken:
-                    yield column
+                    yield NotedTest(column)
 
 
-def _wrong(table: DecodedTable, column: NotedColumn) -> tuple[Array, Array]:
+def _wrong(table: DecodedTable, test: NotedTest) -> tuple[Array, Array]:
     """Return rows that can be relied on and are wrong, with what they show; of several numbers the first wrong one."""
+    column = test.column
     if column.inner:
-        return _wrong_inside(table, column)
+        return _wrong_inside(table, test)
     name = column.read or column.name if column.word else column_of(table, column.read or column.name)
     shown = table[name]
-    rows = np.flatnonzero(column.wrong(shown))
+    rows = test.wrong(shown)
     rows = rows[judged(table, name, rows)] if len(rows) else rows
     if column.word and column.special and len(rows):
         rows = rows[~np.isin(table[column_of(table, column.word)][rows], column.special)]
@@ -81,11 +85,14 @@ def _wrong(table: DecodedTable, column: NotedColumn) -> tuple[Array, Array]:
     return rows, shown[rows]
 
 
-def _wrong_inside(table: DecodedTable, column: NotedColumn) -> tuple[Array, Array]:
+def _wrong_inside(table: DecodedTable, test: NotedTest) -> tuple[Array, Array]:
+    column = test.column
     head, *members = (column.word or column.name).split(".")
     whole, found = table.inner(column_of(table, head), *members)
     shown = column.part_of(found) if column.word else found
-    places = np.flatnonzero(column.wrong(shown))
+    places = test.wrong(shown)
+    if not len(places):
+        return places, shown[places]
     if column.word and column.special:
         places = places[~np.isin(found[places], column.special)]
     rows, first = np.unique(whole[places], return_index=True)

@@ -28,6 +28,7 @@ from dissectors.kit import (
     times_by_bus,
 )
 from dissectors.kit.cells import numbers
+from dissectors.kit.decoded import contexts_of
 from dissectors.kit.view import Settled
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors import Registry
     from dissectors.kit import Array, JointLosses, Kept, Seconds, Values
+    from dissectors.kit.decoded import Context
     from dissectors.schema import Message
 
 MESSAGE = KINDS.index("message")
@@ -136,7 +138,7 @@ class BatchView:
         self.transfers = TransferTable(empty(TRANSFERS) if batch is None else batch.transfers, first_transfer)
         self.events = EventTable(empty(EVENT_ROWS) if batch is None else batch.events)
         self._settled = None if batch is None else batch.settled
-        self._tables: dict[str, DecodedTable] = {}
+        self._tables: dict[str, DecodedTable | None] = {}
         self.before = past.last
         self.cut_in = past.cut_in
         self.joint_losses: JointLosses | None = None  # what is known now of frames that several senders lack at once
@@ -209,18 +211,25 @@ class BatchView:
         """Return the rows of a message or packet in this batch."""
         if name not in self._tables:
             rows = self._messages.get(name)
-            if rows is None or not rows.num_rows:
-                return None
-            self._tables[name] = DecodedTable(name, rows, self.transfers.first)
+            known = rows is not None and rows.num_rows
+            self._tables[name] = DecodedTable(name, rows, self.transfers.first) if known else None
         return self._tables[name]
 
     def tables(self) -> Sequence[str]:
         """Return names of the tables that this batch has."""
-        return self._named
+        return self._every[0]
+
+    @property
+    def contexts(self) -> Sequence[Context]:
+        """The message tables of this batch, small ones joined."""
+        return self._every[1]
 
     @cached_property
-    def _named(self) -> Sequence[str]:
-        return [name for name, rows in self._messages.items() if rows.num_rows]
+    def _every(self) -> tuple[Sequence[str], Sequence[Context]]:
+        """Names of all tables, and what message tables are joined to before anybody goes over all of them."""
+        names = [name for name, rows in self._messages.items() if rows.num_rows]
+        known = (self.table(name) for name in names if self.definition(name) is not None)
+        return names, contexts_of(table for table in known if table is not None)
 
     def definition(self, name: str) -> Message | None:
         """Return the type of a message table, None for other tables."""

@@ -15,6 +15,7 @@ from dissectors.kit.array import Array
 from dissectors.kit.clock import BusTimes, times_by_bus
 from dissectors.kit.collection import rules_of
 from dissectors.kit.conformance import Conformance, Exercise, Measures
+from dissectors.kit.decoded import DecodedTable
 from dissectors.kit.definitions import Types
 from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values, Worst
 from dissectors.kit.order import by_key, changes, count_below, groups, last_set
@@ -26,7 +27,7 @@ from dissectors.kit.rule import Feed, PageKeys, Rule, rule
 from dissectors.kit.running import RunningTime
 from dissectors.kit.series import Latest, Previous, set_back
 from dissectors.kit.starts import Starts
-from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
+from dissectors.kit.tables import EventTable, FrameTable, TransferTable
 from dissectors.kit.view import SESSION, JointLoss, JointLosses, Kept, Second, Seconds, View
 from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from dissectors.times import NO_TIME
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -29,6 +31,14 @@ def numbers(array: pa.Array) -> Array:
     if kind is None:
         return _bits(array.buffers()[1], array.offset, len(array))
     return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * kind.itemsize)
+
+
+def column(array: pa.Array, *, time: bool = False) -> Array:
+    """Return a column of numbers; missing cells are arbitrary, missing times `NO_TIME`."""
+    values = numbers(array)
+    if time and array.null_count:
+        values = np.where(valid(array), values, NO_TIME)
+    return values
 
 
 def valid(array: pa.Array) -> Array:

@@ -38,10 +38,10 @@ def not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]
     elif pa.types.is_list(kind):
         ends = offsets_of(array).astype(np.int64)
         for path, places, values in not_finite(array.values, name):
-            yield path, np.searchsorted(ends, places, "right") - 1, values
+            yield path, ends.searchsorted(places, "right") - 1, values
     elif pa.types.is_floating(kind):
         values = numbers(array)
-        rows = np.flatnonzero(~np.isfinite(values))
+        rows = (~np.isfinite(values)).nonzero()[0]
         if len(rows) and array.null_count:
             rows = rows[valid(array)[rows]]
         if len(rows):

@@ -27,7 +27,7 @@ def by_key(keys: Array) -> tuple[Array, Array]:
     begins = np.empty(len(keys), bool)
     begins[0] = True
     np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
-    return order, np.flatnonzero(begins)
+    return order, begins.nonzero()[0]
 
 
 def _sorted(keys: Array) -> Array:
@@ -54,7 +54,7 @@ def groups(keys: Array) -> Iterator[tuple[int, Array]]:
 
 def spans(keys: Array) -> Iterator[tuple[int, int, int]]:
     """Yield each key of some that stand together, where it begins, and where it ends."""
-    first = [0, *(np.flatnonzero(keys[1:] != keys[:-1]) + 1).tolist(), len(keys)]
+    first = [0, *((keys[1:] != keys[:-1]).nonzero()[0] + 1).tolist(), len(keys)]
     for start, stop in pairwise(first) if len(keys) else ():
         yield keys.item(start), start, stop
 
@@ -64,7 +64,7 @@ def changes(values: Array, before: float) -> Array:
     differs = np.empty(len(values), bool)
     np.not_equal(values[1:], values[:-1], out=differs[1:])
     differs[:1] = values[:1] != before
-    return np.flatnonzero(differs)
+    return differs.nonzero()[0]
 
 
 def steps(values: Array, before: float) -> Array:
@@ -78,9 +78,9 @@ def steps(values: Array, before: float) -> Array:
 def count_below(marks: Array, numbers: Array) -> Array:
     """Return how many marks are below each number; both are in order."""
     if len(marks) >= len(numbers):
-        return np.searchsorted(marks, numbers)
+        return marks.searchsorted(numbers)
     steps = np.zeros(len(numbers) + 1, np.int64)
-    np.add.at(steps, np.searchsorted(numbers, marks, "right"), 1)
+    np.add.at(steps, numbers.searchsorted(marks, "right"), 1)
     return np.cumsum(steps[:-1])
 
 

@@ -13,20 +13,31 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dissectors.kit.array import Array
+    from dissectors.kit.decoded import DecodedTable
     from dissectors.kit.occurrence import Values
-    from dissectors.kit.tables import DecodedTable
     from dissectors.kit.view import View
 
 NODES = 1 << 15  # 8 bits of bus, 7 of node ID
 
 
 def usable(table: DecodedTable) -> Array:
-    """Return a mask of the rows of a message table with a good CRC that hold every field."""
+    """Return a mask of the rows of a message table with a good CRC that hold every field; not to be written to."""
+    return table.once(_usable)
+
+
+def _usable(table: DecodedTable) -> Array:
     return table.trusted & (table["bits_left"] >= 0)
 
 
 def sound(table: DecodedTable) -> Array:
-    """Return a mask of the rows whose packet is whole, with the right length and checksum, in a trusted transfer."""
+    """Return a mask of the rows whose packet is whole, with the right length and checksum, in a trusted transfer.
+
+    It is not to be written to.
+    """
+    return table.once(_sound)
+
+
+def _sound(table: DecodedTable) -> Array:
     return table["packet_ok"] & table.trusted
 
 
@@ -70,7 +81,7 @@ def rows_by_bus(bus: Array, t: Array) -> Iterator[tuple[int, Array | None]]:
         yield int(bus[0]), None
         return
     timed = t != NO_TIME
-    for index in np.flatnonzero(np.bincount(bus)).tolist():
-        rows = np.flatnonzero((bus == index) & timed)
+    for index in np.bincount(bus).nonzero()[0].tolist():
+        rows = ((bus == index) & timed).nonzero()[0]
         if len(rows):
             yield index, rows

@@ -45,9 +45,9 @@ class Previous:
         """
         order = np.argsort(node, kind="stable")
         nodes = node[order]
-        starts = np.ones(len(nodes), bool)
+        starts, ends = np.ones((2, len(nodes)), bool)
         np.not_equal(nodes[1:], nodes[:-1], out=starts[1:])
-        ends = np.append(starts[1:], True)[: len(nodes)]
+        ends[:-1] = starts[1:]
         room = 1 << int(nodes[-1]).bit_length() if len(nodes) else 0
         before = []
         for k, column in enumerate(values):

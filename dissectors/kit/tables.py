@@ -7,17 +7,16 @@ capture from 0. Cells without a value are arbitrary: ask `has`.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import pyarrow as pa
 
-from dissectors.kit.cells import numbers, offsets_of, pylist, valid
-from dissectors.kit.nested import inner, listed, not_finite
-from dissectors.times import NO_TIME
+from dissectors.kit.cells import column, offsets_of, valid
+from dissectors.kit.nested import listed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from dissectors.kit.array import Array
 
@@ -224,123 +223,6 @@ class EventTable(Columns):
     def data(self, row: int) -> bytes:
         """Return the data field of an error frame."""
         return self._bytes("data", row)
-
-
-class DecodedTable:
-    """One message or packet table of a batch; `row` are rows of its transfers in this batch.
-
-    A packet's row stands once for each packet; `name` is the carrier's and its own (`PUSHCAN.MotorStatus`).
-    """
-
-    def __init__(self, name: str, batch: pa.RecordBatch, first_transfer: int) -> None:
-        self.name = name
-        self._batch = batch
-        self._first = first_transfer
-        self._columns: dict[str, Array] = {}
-        self._valid: dict[str, Array] = {}
-        self._lists: dict[str, tuple[Array, Array]] = {}
-
-    def __deepcopy__(self, _memo: object) -> Self:
-        """Share it: it never changes."""
-        return self
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return int(self._batch.num_rows)
-
-    def __contains__(self, name: object) -> bool:
-        """Return whether there is such a column."""
-        return name in self._places
-
-    @cached_property
-    def _places(self) -> dict[str, int]:
-        return {name: place for place, name in enumerate(self._batch.schema.names)}
-
-    def __getitem__(self, name: str) -> Array:
-        """Return a column of numbers; cells without a value are arbitrary."""
-        if name not in self._columns:
-            self._columns[name] = column(self._batch.column(self._places[name]), time=name in _TIMES)
-        return self._columns[name]
-
-    @cached_property
-    def row(self) -> Array:
-        """Rows of the transfers of this batch."""
-        return (self["transfer"] - np.uint64(self._first)).astype(np.int64)
-
-    @property
-    def t(self) -> Array:
-        """Time of each transfer's first frame."""
-        return self["t"]
-
-    @property
-    def bus(self) -> Array:
-        """Index of the interface."""
-        return self["bus"]
-
-    @property
-    def src(self) -> Array:
-        """Source node ID."""
-        return self["src"]
-
-    @cached_property
-    def sender(self) -> Array:
-        """Bus and node of each row in one number of 16 bits, as `kit.sender` has it: many rules ask."""
-        node: Array = self.bus.astype(np.uint16) << 7
-        node |= self.src & 0x7F
-        return node
-
-    @cached_property
-    def trusted(self) -> Array:
-        """Mask of the rows whose transfer is complete with a good CRC, or one frame."""
-        return self["trusted"]
-
-    @cached_property
-    def good(self) -> int:
-        """How many of them are trusted."""
-        return int(np.count_nonzero(self.trusted))
-
-    def has(self, name: str) -> Array:
-        """Return a mask of the rows in which the column has a value."""
-        if name not in self._valid:
-            self._valid[name] = valid(self._batch.column(self._places[name]))
-        return self._valid[name]
-
-    def lists(self, name: str) -> tuple[Array, Array]:
-        """Return of a column of lists where each row's begins (one entry more than rows), and all values."""
-        if name not in self._lists:
-            self._lists[name] = listed(self._batch.column(name))
-        return self._lists[name]
-
-    def inner(self, name: str, *members: str) -> tuple[Array, Array]:
-        """Return the numbers of a column, also those in its lists and structures: the row of each, and the values.
-
-        `members` lead to them, one step for each structure; what has no value is left out.
-        """
-        return inner(self._batch.column(name), np.arange(len(self)), members)
-
-    def counts(self, name: str) -> Array:
-        """Return how many elements each list of a column has; 0 in a column of anything else."""
-        array = self._batch.column(name)
-        if not pa.types.is_list(array.type):
-            return np.zeros(len(array), np.int64)
-        ends = offsets_of(array)
-        return (ends[1:] - ends[:-1]).astype(np.int64)
-
-    def cell(self, name: str, row: int) -> Any:
-        """Return one cell as a Python value."""
-        return pylist(self._batch.column(name).slice(row, 1))[0]
-
-    def not_finite(self, name: str) -> Iterator[tuple[str, Array, Array]]:
-        """Yield floats of a field that are NaN or infinite: dotted name, rows in order, values; also in structures."""
-        yield from not_finite(self._batch.column(name), name)
-
-
-def column(array: pa.Array, *, time: bool = False) -> Array:
-    """Return a column of numbers; missing cells are arbitrary, missing times `NO_TIME`."""
-    values = numbers(array)
-    if time and array.null_count:
-        values = np.where(valid(array), values, NO_TIME)
-    return values
 
 
 def _packed(batch: pa.RecordBatch) -> pa.RecordBatch:

@@ -8,9 +8,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit.array import Array
+    from dissectors.kit.decoded import Context, DecodedTable
     from dissectors.kit.definitions import Types
     from dissectors.kit.occurrence import Occurrences, Values
-    from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
+    from dissectors.kit.tables import EventTable, FrameTable, TransferTable
     from dissectors.schema import Message
 
 SESSION = 0xFF_FFFF
@@ -197,6 +198,10 @@ class View(Protocol):
 
     def tables(self) -> Iterable[str]:
         """Return the names of the tables that this batch has."""
+
+    @property
+    def contexts(self) -> Sequence[Context]:
+        """The message tables of this batch, small ones joined: for what is asked of all of them alike."""
 
     def definition(self, name: str) -> Message | None:
         """Return the type of a message table, None for other tables."""

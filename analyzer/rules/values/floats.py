@@ -27,14 +27,12 @@ class Floats(Rule):
 
     def feed(self, view: View) -> Iterator[Occurrences]:
         """Find them in one pass over the floats of each table."""
-        for name in view.tables():
-            shape = shape_of(self._shapes, view, name)
-            table = view.table(name)
-            if shape is None or table is None:
-                continue
-            for field in dict.fromkeys(path.partition(".")[0] for path in shape.floats):
-                for path, rows, values in table.not_finite(column_of(table, field)):
-                    yield from _special(view, table, path, rows, _raw(values, shape.floats[dsdl_name(path)]))
+        for context in view.contexts:
+            for table in context.tables:
+                shape = shape_of(self._shapes, view, table)
+                for field in shape.float_fields:
+                    for path, rows, values in table.not_finite(column_of(table, field)):
+                        yield from _special(view, table, path, rows, _raw(values, shape.floats[dsdl_name(path)]))
 
 
 def _special(view: View, table: DecodedTable, path: str, rows: Array, raw: Array) -> Iterator[Occurrences]:

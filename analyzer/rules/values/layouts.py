@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.rules.values.bit_reader import PREFIX, TAIL, walk
-from analyzer.rules.values.shapes import BYTE, Shape, Tail, column_of, shape_of
-from dissectors.kit import Rule
+from analyzer.rules.values.shapes import BYTE, Shape, column_of, shape_of
+from dissectors.kit import Occurrences, Rule
+from dissectors.kit.order import spans
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from dissectors.kit import Array, DecodedTable, Occurrences, Values, View
+    from dissectors.kit import Array, Values, View
+    from dissectors.kit.decoded import Context
+
+    _Found = Iterator[tuple[int, Occurrences]]
 
 
 class Layouts(Rule):
@@ -26,123 +31,160 @@ class Layouts(Rule):
 
     def feed(self, view: View) -> Iterable[Occurrences]:
         """Look closer at rows that are not read to their last byte."""
-        for name in view.tables():
-            shape = shape_of(self._shapes, view, name)
-            table = view.table(name)
-            if shape is not None and table is not None:
-                yield from _Rows(view, table, shape).found()
+        for context in view.contexts:
+            shapes = [shape_of(self._shapes, view, table) for table in context.tables]
+            full = _full(context, shapes)
+            odd = _odd(context, full)
+            if len(odd):
+                yield from _OddRows(view, context, shapes, odd, full).find()
 
 
-class _Rows:
-    """The odd rows of a table of one batch."""
+def _full(context: Context, shapes: Sequence[Shape]) -> Array | None:
+    """Return which rows have an array that has all the elements it may have: its length may say more; None for none."""
+    prefixed = context["layout"] >= PREFIX
+    bare = not prefixed.any()
+    found: Array | None = None
+    for table, shape, start in zip(context.tables, shapes, context.starts, strict=False):
+        rows = slice(start, start + len(table))
+        for name, most in shape.lists.items():
+            if shape.tail is None or name != shape.tail.field or not (bare or not prefixed[rows].any()):
+                found = np.zeros(len(prefixed), bool) if found is None else found
+                found[rows] |= table.counts(column_of(table, name)) >= most
+    return found
 
-    def __init__(self, view: View, table: DecodedTable, shape: Shape) -> None:
-        self._view, self._table, self._shape = view, table, shape
-        self._left = table["bits_left"]
 
-    def found(self) -> Iterator[Occurrences]:
-        table, left, shape = self._table, self._left, self._shape
-        tagged, dirty, full = table["bad_tag"], table["pad_nonzero"], self._full()
-        unread = left.view(np.uint32) >= BYTE  # missing bits are negative
-        any_ = unread | tagged
-        any_ |= dirty
-        if full is not None:
-            any_ |= full
-        if table.good < len(table):
-            any_ &= table.trusted
-        odd = any_.nonzero()[0]
-        if not len(odd):
-            return
-        transfers, left, tagged, dirty = table.row[odd], left[odd], tagged[odd], dirty[odd]
-        tail, length = table["layout"][odd] == TAIL, self._view.transfers.length[transfers]
-        short, bare = left < 0, tail & ~self._view.transfers.fd[transfers]
-        if short.any():
-            yield from self._say("TYP-001", odd[short & (length < np.where(tail, *shape.least))], self._short)
-        yield from self._say("TYP-002", odd[bare & (length > shape.most)], self._long)
-        if dirty.any():
-            padded = odd[dirty & (left > 0) & (left < BYTE) & ~tagged]
-            yield from self._say("TYP-003", [row for row in padded.tolist() if self._value(row)], self._padding)
-        if shape.tail is not None:
-            yield from self._of_tail(shape.tail, odd[bare & (left >= BYTE) & ~tagged])
-        closer = tagged
-        if shape.voids:
-            closer |= dirty
-        if shape.counted:
-            closer |= unread[odd] if full is None else unread[odd] | full[odd]
-        yield from self._closer(odd[closer])
+def _odd(context: Context, full: Array | None) -> Array:
+    """Return the rows that can be relied on, and may not be as their type is."""
+    odd = _unread(context["bits_left"])
+    odd |= context["bad_tag"]
+    odd |= context["pad_nonzero"]
+    if full is not None:
+        odd |= full
+    odd &= context["trusted"]
+    rows: Array = odd.nonzero()[0]
+    return rows
 
-    def _full(self) -> Array | None:
-        """Return rows with an array that has all the elements it may have: its length may say more; None for none."""
-        full, tail = None, self._shape.tail
-        for name, most in self._shape.lists.items():
-            if tail is None or name != tail.field or (self._table["layout"] >= PREFIX).any():
-                whole = self._table.counts(column_of(self._table, name)) >= most
-                full = whole if full is None else full | whole
-        return full
 
-    def _say(self, rule: str, rows: Any, values: Any) -> Iterator[Occurrences]:
-        if len(rows):
-            yield self._view.among_rows(rule, self._table, np.asarray(rows, np.int64), values)
+def _unread(left: Array) -> Array:
+    """Return which rows have bytes behind their fields, or lack bits, which are negative."""
+    rows: Array = left.view(np.uint32) >= BYTE
+    return rows
 
-    def _of_tail(self, tail: Tail, rows: Array) -> Iterator[Occurrences]:
-        column = column_of(self._table, tail.field) if "." not in tail.field else ""
-        rows = rows[self._table.has(column)[rows]] if column and len(rows) else rows
-        if not len(rows):
-            return
-        low, high = tail.bits
-        left = self._left[rows].astype(np.int64)
-        if low == high and column:
-            count = self._table.counts(column)[rows]
-            elements = dict(zip(rows.tolist(), (count + left // low).tolist(), strict=True))
-            yield from self._say(
-                "TYP-004",
-                rows[left % low >= BYTE],
-                lambda row: {
-                    "length": self._length(row),
-                    "elements": elements[row],
-                    "bits": int(self._left[row]) % low,
-                },
-            )
-            yield from self._say(
-                "TYP-005",
-                rows[left >= low],
-                lambda row: {"field": tail.field, "elements": elements[row], "expected": tail.most},
-            )
 
-    def _closer(self, rows: Array) -> Iterator[Occurrences]:
-        wrong: dict[tuple[str, str], dict[int, Values]] = {}
-        for row in rows.tolist():
-            code = int(self._table["layout"][row])
-            seen = walk(self._shape.message.layout, self._payload(row), code)
+class _OddRows:
+    """The odd rows of some tables of one batch, a cell each; `full` are those of all rows."""
+
+    def __init__(self, view: View, context: Context, shapes: Sequence[Shape], rows: Array, full: Array | None) -> None:
+        self._view, self._tables, self._shapes = view, context.tables, shapes
+        self._table = context.table[rows]
+        self._row = rows - np.array(context.starts)[self._table]
+        self._transfer = (context["transfer"][rows] - np.uint64(view.transfers.first)).astype(np.int64)
+        self._left, self._layout = context["bits_left"][rows], context["layout"][rows]
+        self._tagged, self._dirty = context["bad_tag"][rows], context["pad_nonzero"][rows]
+        self._counted = _unread(self._left) if full is None else _unread(self._left) | full[rows]
+        self._length = view.transfers.length[self._transfer]
+
+    def find(self) -> Iterator[Occurrences]:
+        """Yield their breaches, table by table."""
+        found: dict[int, list[Occurrences]] = {}
+        for at, one in self._each():
+            found.setdefault(at, []).append(one)
+        for at in sorted(found):
+            yield from found[at]
+
+    def _each(self) -> _Found:
+        """Yield them rule by rule, each with the place of its table."""
+        numbers = np.array([one.numbers for one in self._shapes], np.int64)[self._table].T
+        least, least_counted, most, element, voids, counted, counted_bare = numbers
+        left, bare = self._left, self._layout == TAIL
+        yield from self._say("TYP-001", (left < 0) & (self._length < np.where(bare, least, least_counted)), self._short)
+        bare_can = bare & ~self._view.transfers.fd[self._transfer]
+        yield from self._say("TYP-002", bare_can & (self._length > most), self._long)
+        plain = ~self._tagged
+        padded = (self._dirty & (left > 0) & (left < BYTE) & plain).nonzero()[0]
+        yield from self._say("TYP-003", padded[[bool(self._value(k)) for k in padded.tolist()]], self._padding)
+        yield from self._in_tails((bare_can & (left >= BYTE) & plain & (element > 0)).nonzero()[0], element)
+        closer = self._tagged | (self._dirty & (voids > 0))
+        closer |= self._counted & (np.where(bare, counted_bare, counted) > 0)
+        yield from self._closer(closer.nonzero()[0])
+
+    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> _Found:
+        """Yield a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
+        rows = rows.nonzero()[0] if rows.dtype == bool else rows
+        for at, start, stop in spans(self._table[rows]):
+            yield at, self._part(rule, rows[start:stop], values)
+
+    def _part(self, rule: str, rows: Array, values: Callable[[int], Values]) -> Occurrences:
+        every = self._every
+        return Occurrences(
+            rule=rule, t=every.t[rows], bus=every.bus[rows], node=every.node[rows], type=every.type[rows],
+            frame=every.frame[rows], values=lambda k: values(rows.item(k)), frames=lambda k: every.frames(rows.item(k)),
+        )  # fmt: skip
+
+    @cached_property
+    def _every(self) -> Occurrences:
+        return self._view.among_transfers("", self._transfer, lambda _: {})
+
+    def _in_tails(self, rows: Array, element: Array) -> _Found:
+        """Yield what is wrong behind the array that ends a payload, whose `element` has so many bits."""
+        elements: dict[int, int] = {}
+        for at in np.bincount(self._table[rows]).nonzero()[0].tolist():
+            table, tail = self._tables[at], self._shapes[at].tail
+            if tail is not None:
+                column = column_of(table, tail.field)
+                mine = rows[self._table[rows] == at]
+                mine = mine[table.has(column)[self._row[mine]]]
+                count = table.counts(column)[self._row[mine]] + self._left[mine] // element[mine]
+                elements |= zip(mine.tolist(), count.tolist(), strict=True)
+        rows = np.array([*elements], np.int64)
+        left, step = self._left[rows].astype(np.int64), element[rows]
+
+        def torn(k: int) -> Values:
+            return {"length": int(self._length[k]), "elements": elements[k], "bits": int(self._left[k] % element[k])}
+
+        def many(k: int) -> Values:
+            tail = self._shape(k).tail
+            assert tail is not None  # noqa: S101 - these rows have one
+            return {"field": tail.field, "elements": elements[k], "expected": tail.most}
+
+        yield from self._say("TYP-004", rows[left % step >= BYTE], torn)
+        yield from self._say("TYP-005", rows[left >= step], many)
+
+    def _closer(self, rows: Array) -> _Found:
+        wrong: dict[tuple[int, str, str], dict[int, Values]] = {}
+        for k in rows.tolist():
+            seen = walk(self._shape(k).message.layout, self._payload(k), int(self._layout[k]))
+            at = int(self._table[k])
             if seen.tag is not None:
                 said = dict(zip(("field", "tag", "members"), seen.tag, strict=True))
-                wrong.setdefault(("TYP-011", seen.tag[0]), {})[row] = said
+                wrong.setdefault((at, "TYP-011", seen.tag[0]), {})[k] = said
             if seen.many is not None:
                 said = dict(zip(("field", "elements", "expected"), seen.many, strict=True))
-                wrong.setdefault(("TYP-005", seen.many[0]), {})[row] = said
+                wrong.setdefault((at, "TYP-005", seen.many[0]), {})[k] = said
             if seen.voids:
                 said = dict(zip(("bits", "value"), seen.voids[0], strict=True))
-                wrong.setdefault(("TYP-012", ""), {})[row] = said
-        for (rule, _), values in wrong.items():
-            yield from self._say(rule, list(values), values.__getitem__)
+                wrong.setdefault((at, "TYP-012", ""), {})[k] = said
+        for (_, rule, _), values in wrong.items():
+            yield from self._say(rule, np.array([*values]), values.__getitem__)
 
-    def _payload(self, row: int) -> bytes:
-        return self._view.transfers.payload(int(self._table.row[row]))
+    def _shape(self, k: int) -> Shape:
+        return self._shapes[int(self._table[k])]
 
-    def _length(self, row: int) -> int:
-        return int(self._view.transfers.length[self._table.row[row]])
+    def _payload(self, k: int) -> bytes:
+        return self._view.transfers.payload(int(self._transfer[k]))
 
-    def _value(self, row: int) -> int:
+    def _value(self, k: int) -> int:
         """Return what the bits behind the last field are."""
-        return self._payload(row)[-1] & (1 << int(self._left[row])) - 1
+        return self._payload(k)[-1] & (1 << int(self._left[k])) - 1
 
-    def _short(self, row: int) -> Values:
-        tail = self._table["layout"][row] == TAIL
-        return {"length": self._length(row), "expected": self._shape.least[0 if tail else 1]}
+    def _short(self, k: int) -> Values:
+        bare = self._layout[k] == TAIL
+        return {"length": int(self._length[k]), "expected": self._shape(k).least[0 if bare else 1]}
 
-    def _long(self, row: int) -> Values:
-        counted = " without the length field, which is not sent" if self._shape.tail is not None else ""
-        return {"length": self._length(row), "expected": self._shape.most, "counted": counted}
+    def _long(self, k: int) -> Values:
+        shape = self._shape(k)
+        counted = " without the length field, which is not sent" if shape.tail is not None else ""
+        return {"length": int(self._length[k]), "expected": shape.most, "counted": counted}
 
-    def _padding(self, row: int) -> Values:
-        return {"bits": int(self._left[row]), "value": self._value(row)}
+    def _padding(self, k: int) -> Values:
+        return {"bits": int(self._left[k]), "value": self._value(k)}

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.rules.field_tests import farthest
+from analyzer.rules.limits import NOTHING, outside
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     from dissectors.kit import Array, Worst
     from dissectors.layout import Type
@@ -70,36 +70,41 @@ class NotedColumn:
         kind = farthest(self.low, self.high)
         return kind if isinstance(kind, str) else kind * float(self.scale)
 
-    def wrong(self, shown: Array) -> Array:
-        """Return which numbers have no name in the enumeration or, without one, are beyond the limits."""
-        return self._nameless(shown) if self.enum else self._outside(shown)
-
-    def _outside(self, shown: Array) -> Array:
-        """Return which numbers are beyond the limits; NaN is not."""
-        wrong = np.zeros(len(shown), bool)
-        if self.low is not None:
-            wrong |= shown < _limit(self.low, -1, self.float_bits, self.scale)
-        if self.high is not None:
-            wrong |= shown > _limit(self.high, 1, self.float_bits, self.scale)
-        return wrong if self.word else wrong & ~self._in(shown, self.special)
-
     def part_of(self, words: Array) -> Array:
         """Return this part of words, scaled."""
         part: Array = (words >> words.dtype.type(self.low_bit)) & words.dtype.type((1 << self.bits) - 1)
         return part if self.scale == 1 else part * float(self.scale)
 
-    def _nameless(self, shown: Array) -> Array:
-        return ~self._in(shown, self.enum if self.word else [*self.enum, *self.special])
 
-    def _in(self, shown: Array, codes: Iterable[int]) -> Array:
-        if not codes:
-            return np.zeros(len(shown), bool)
-        if shown.dtype.kind == "u" and shown.dtype.itemsize <= _WIDEST and self.scale == 1:
-            return _table(tuple(codes), shown.dtype.itemsize)[shown]
-        return np.isin(np.rint(shown / float(self.scale)), list(codes))
+class NotedTest:
+    """A column with what it takes to find numbers in it that its note does not allow."""
+
+    def __init__(self, column: NotedColumn) -> None:
+        self.column = column
+        low, high = column.low, column.high
+        self._low = -np.inf if low is None else _limit(low, -1, column.float_bits, column.scale)
+        self._high = np.inf if high is None else _limit(high, 1, column.float_bits, column.scale)
+        special = () if column.word else column.special
+        self._codes = (*column.enum, *special)  # of limits what is right beyond them
+        self._tables: dict[int, Array] = {}  # by bytes of a number, of each whether it is one of the codes
+
+    def wrong(self, shown: Array) -> Array:
+        """Return the places of numbers without a name in the enumeration or, if there is none, beyond the limits."""
+        if self.column.enum:
+            named = self._named(shown)
+            return NOTHING if named.all() else (~named).nonzero()[0]
+        places = outside(shown, self._low, self._high)
+        return places[~self._named(shown[places])] if len(places) and self._codes else places
+
+    def _named(self, shown: Array) -> Array:
+        size = shown.dtype.itemsize
+        if shown.dtype.kind == "u" and size <= _WIDEST and self.column.scale == 1:
+            if size not in self._tables:
+                self._tables[size] = np.isin(np.arange(1 << 8 * size), self._codes)
+            return self._tables[size][shown]
+        return np.isin(np.rint(shown / float(self.column.scale)), self._codes)
 
 
-@lru_cache(maxsize=256)
 def _limit(raw: Fraction, side: int, float_bits: int, scale: Fraction) -> float:
     """Return a limit as a column would show it, beyond which numbers are wrong on one side."""
     if float_bits:  # as a sender rounds it; the column rounds once more where it is scaled
@@ -107,12 +112,6 @@ def _limit(raw: Fraction, side: int, float_bits: int, scale: Fraction) -> float:
         return sent if scale == 1 else float(np.nextafter(sent * float(scale), side * np.inf))
     # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
     return float((raw + Fraction(side, 2)) * scale)
-
-
-@lru_cache(maxsize=256)
-def _table(codes: tuple[int, ...], size: int) -> Array:
-    """Return of each number of so many bytes whether it is one of the codes."""
-    return np.isin(np.arange(1 << 8 * size), codes)
 
 
 def columns_of(name: str, note: Note, layout: CompoundType) -> Iterator[NotedColumn]:

@@ -29,7 +29,10 @@ class Tail:
 class Shape:
     """A type, as far as the rules ask for it.
 
-    `floats` are widths by dotted name, `lists` the outer arrays that have a length.
+    `floats` are widths by dotted name, `float_fields` the outer fields that have them, `lists` the outer arrays that
+    have a length. `numbers` are `least`, `most`, bits of an element of `tail` if all have as many and it is no array
+    inside, and as 0 or 1 whether there are void bits, lengths that may be wrong, and such lengths in a payload without
+    that of the tail.
     """
 
     message: Message
@@ -37,9 +40,9 @@ class Shape:
     most: int
     tail: Tail | None
     floats: dict[str, int]
+    float_fields: tuple[str, ...]
     lists: dict[str, int]
-    counted: bool
-    voids: bool
+    numbers: tuple[int, ...]
 
     @classmethod
     def of(cls, message: Message) -> Shape:
@@ -47,28 +50,33 @@ class Shape:
         parts = list(_parts(message.layout, ""))
         dynamic = [part for _, part in parts if isinstance(part, ArrayType) and part.dynamic]
         outer = {m.name: m.type for m in message.layout.fields} if not message.layout.union else {}
+        least, most = (message.min_bytes, message.min_bytes_with_length), message.max_bytes
+        tail = _tail(message.layout)
+        element = tail.bits[0] if tail is not None and tail.bits[0] == tail.bits[1] and "." not in tail.field else 0
+        voids = any(isinstance(part, PrimitiveType) and part.kind == "void" for _, part in parts)
+        # Numbers without a length, and nothing else that has one: how many there are is all that can be wrong.
+        bare = tail is not None and [isinstance(part.element, PrimitiveType) for part in dynamic] == [True]
+        floats = {name: part.bits for name, part in parts if isinstance(part, PrimitiveType) and part.kind == "float"}
         return cls(
             message=message,
-            least=(message.min_bytes, message.min_bytes_with_length),
-            most=message.max_bytes,
-            tail=_tail(message.layout),
-            floats={
-                name: part.bits for name, part in parts if isinstance(part, PrimitiveType) and part.kind == "float"
-            },
+            least=least,
+            most=most,
+            tail=tail,
+            floats=floats,
+            float_fields=tuple(dict.fromkeys(path.partition(".")[0] for path in floats)),
             lists={name: kind.max for name, kind in outer.items() if isinstance(kind, ArrayType) and kind.dynamic},
-            counted=bool(dynamic),
-            voids=any(isinstance(part, PrimitiveType) and part.kind == "void" for _, part in parts),
+            numbers=(*least, most, element, voids, bool(dynamic), bool(dynamic) and not bare),
         )
 
 
-def shape_of(shapes: dict[str, Shape], view: View, name: str) -> Shape | None:
-    """Return the shape of a message table, and keep it in `shapes`; None for other tables."""
-    if name not in shapes:
-        message = view.definition(name)
-        if message is None:
-            return None
-        shapes[name] = Shape.of(message)
-    return shapes[name]
+def shape_of(shapes: dict[str, Shape], view: View, table: DecodedTable) -> Shape:
+    """Return the shape of a message table, and keep it in `shapes`."""
+    found = shapes.get(table.name)
+    if found is None:
+        message = view.definition(table.name)
+        assert message is not None  # noqa: S101 - others are no message tables
+        found = shapes[table.name] = Shape.of(message)
+    return found
 
 
 def column_of(table: DecodedTable, field: str) -> str:

@@ -41,11 +41,20 @@ class _Place(NamedTuple):
 
 
 class _Reports(NamedTuple):
-    """Reports of one motor in a batch: transfers, times, speeds in rpm."""
+    """Reports of one motor in a batch: rows of its table, with the speed of each row in rpm."""
 
-    number: Array
-    t: Array
-    rpm: Array
+    table: DecodedTable
+    rows: Array
+    speed: Array
+
+    def said(self, at: int) -> tuple[int, int]:
+        """Return time and speed of one of them."""
+        row = self.rows[at]
+        return int(self.table.t[row]), int(self.speed[row])
+
+    def before(self, transfer: int) -> int:
+        """Return how many came before a transfer."""
+        return int(self.table["transfer"][self.rows].searchsorted(np.uint64(transfer)))
 
 
 class Speeds:
@@ -54,18 +63,23 @@ class Speeds:
     def __init__(self) -> None:
         self._last: dict[_Place, tuple[int, int]] = {}
         self._now: dict[_Place, _Reports] = {}
+        self._told: dict[_Place, tuple[int, int]] = {}  # what the present batch says last
         self._uuids: dict[tuple[int, int], tuple[int, int, int]] = {}  # by bus: transfer, node, index of a ParamGet
 
     def feed(self, view: View) -> None:
         """Make a batch the present one."""
-        for place, reports in self._now.items():
-            self._last[place] = int(reports.t[-1]), int(reports.rpm[-1])
+        self._last |= self._told
         self._now = {
             place: reports
             for place, reports in _reports(view)
-            if place in self._last or len(self._last) + len(self._now) < MOST_UNITS
+            if place in self._last or len(self._last) + len(self._told) < MOST_UNITS
         }
+        self._told = {place: reports.said(-1) for place, reports in self._now.items()}
         self._note_uuids(view)
+
+    def forget(self) -> None:
+        """Let go of the batch, of which the last reports stay."""
+        self._now = {}
 
     def of_unit(self, bus: int, unit: int, transfer: int) -> list[LastSpeed]:
         """Return what the motors of a power unit (0xA1 is 1, 0xFF all) did last before a transfer.
@@ -131,10 +145,8 @@ class Speeds:
 
     def _before(self, place: _Place, transfer: int) -> tuple[int, int] | None:
         reports = self._now.get(place)
-        at = 0 if reports is None else int(np.searchsorted(reports.number, transfer))
-        if reports is None or not at:
-            return self._last.get(place)
-        return int(reports.t[at - 1]), int(reports.rpm[at - 1])
+        at = 0 if reports is None else reports.before(transfer)
+        return self._last.get(place) if reports is None or not at else reports.said(at - 1)
 
     def _note_uuids(self, view: View) -> None:
         table = view.table("ParamGet")
@@ -151,14 +163,10 @@ def _reports(view: View) -> Iterator[tuple[_Place, _Reports]]:
     table = view.table("ESCStatus")
     if table is not None:
         for esc, reports in units(view).items():
-            yield _Place(esc.bus, esc.node, _BY_INDEX, esc.index), _of(table, reports, table["rpm"])
+            yield _Place(esc.bus, esc.node, _BY_INDEX, esc.index), _Reports(table, reports, table["rpm"])
     packets = view.table("PUSHCAN.MotorStatus")
     if packets is None:
         return
     rows = np.flatnonzero(sound(packets) & (packets.t != NO_TIME))
     for (bus, node, unit), mine in by_unit(packets, rows):
-        yield _Place(bus, node, _BY_UNIT, unit), _of(packets, mine, packets["speed"])
-
-
-def _of(table: DecodedTable, rows: Array, speed: Array) -> _Reports:
-    return _Reports(table["transfer"][rows].astype(np.int64), table.t[rows], speed[rows])
+        yield _Place(bus, node, _BY_UNIT, unit), _Reports(packets, mine, packets["speed"])

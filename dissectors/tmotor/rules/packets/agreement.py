@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, doubtful, sender, sound, usable
+from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, doubtful, groups, sender, sound, usable
 from dissectors.tmotor.rules.packets.carried import LONGEST
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def _none() -> _Rows:
 
 def _timed(table: DecodedTable, good: Array, names: Sequence[str]) -> _Rows:
     """Return good rows of a table that have a time, with some of its columns."""
-    rows = np.flatnonzero(good & (table.t != NO_TIME))
+    rows = (good & (table.t != NO_TIME)).nonzero()[0]
     values = np.array([table[name][rows] for name in names], np.float64)
     unsure = doubtful(table, rows)
     unsure = np.zeros(len(rows), bool) if unsure is None else unsure
@@ -78,7 +78,7 @@ class StatusAgreement(Rule):
             window = self._window(view)
             yield from self._judge(view, view.end - LONGEST - window)
             needed = int(self._packets.t.min(initial=view.end - LONGEST)) - window
-            self._status = self._status.take(np.flatnonzero(self._status.t >= needed)[-_MOST:])
+            self._status = self._status.take((self._status.t >= needed).nonzero()[0][-_MOST:])
 
     def finish(self, view: View) -> Iterator[Occurrences]:
         """Yield the last ones."""
@@ -100,8 +100,8 @@ class StatusAgreement(Rule):
         done = self._packets.t <= until
         if not done.any():
             return
-        packets = self._packets.take(np.flatnonzero(done))
-        self._packets = self._packets.take(np.flatnonzero(~done)[-_MOST:])
+        packets = self._packets.take(done.nonzero()[0])
+        self._packets = self._packets.take((~done).nonzero()[0][-_MOST:])
         yield from self._compare(view, packets)
         left = self._packets.transfer
         oldest = int(left.min()) if left.size else None
@@ -116,8 +116,8 @@ class StatusAgreement(Rule):
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
         for k in outside.tolist():
             low, high = _span(status, int(packets.node[k]))
-            first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
-            last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
+            first = low + status.t[low:high].searchsorted(packets.t[k] - window)
+            last = low + status.t[low:high].searchsorted(packets.t[k] + window, "right")
             near = values[:, status.order[first:last]]
             for field, (least, most) in enumerate(zip(near.min(axis=1), near.max(axis=1), strict=True)):
                 value = packets.values[field, k]
@@ -178,8 +178,8 @@ def _by_node(rows: _Rows) -> _Ordered:
 
 def _span(rows: _Ordered, node: int) -> tuple[int, int]:
     """Return where the rows of a node begin and end, in the order of nodes."""
-    low, high = np.searchsorted(rows.node, np.array([node, node + 1], rows.node.dtype))
-    return int(low), int(high)
+    low, high = rows.node.searchsorted(np.array([node, node + 1], rows.node.dtype)).tolist()
+    return low, high
 
 
 def _outside(
@@ -187,27 +187,32 @@ def _outside(
 ) -> Array:
     """Return packets outside of the range of the ESCStatus just before and just after them, both within the window.
 
-    `reports` are the order of these, and their values.
+    `reports` are the order of these, and their values. Packets come by node.
     """
     status, values = reports
-    found = [np.empty(0, np.int64)]
-    for node in np.flatnonzero(np.bincount(packets.node)).tolist():
-        low, high = _span(status, node)
-        mine = np.flatnonzero(packets.node == node)
-        if high - low == 0:
-            continue
-        t = packets.t[mine]
-        after = low + np.searchsorted(status.t[low:high], t)
-        both = (after > low) & (after < high)
-        mine, t, after = mine[both], t[both], after[both]
-        close = (status.t[after] - t <= window) & (t - status.t[after - 1] <= window)
+    mine, after = _between(packets, status)
+    t = packets.t[mine]
+    close = (status.t[after] - t <= window) & (t - status.t[after - 1] <= window)
+    if not close.all():
         mine, after = mine[close], after[close]
-        outside = np.zeros(len(mine), bool)
-        for field, (share, floor) in enumerate(tolerance):
-            one, other = values[field, status.order[after - 1]], values[field, status.order[after]]
-            value = packets.values[field, mine]
-            least, most = np.minimum(one, other), np.maximum(one, other)
-            outside |= value < least - np.maximum(np.abs(least) * share, floor)
-            outside |= value > most + np.maximum(np.abs(most) * share, floor)
-        found.append(mine[outside])
-    return np.concatenate(found)
+    one, other = values[:, status.order[after - 1]], values[:, status.order[after]]
+    value = packets.values[:, mine]
+    least, most = np.minimum(one, other), np.maximum(one, other)
+    share, floor = np.array(tolerance).T[:, :, np.newaxis]
+    outside = value < least - np.maximum(np.abs(least) * share, floor)
+    outside |= value > most + np.maximum(np.abs(most) * share, floor)
+    found: Array = mine[outside.any(axis=0)]
+    return found
+
+
+def _between(packets: _Rows, status: _Ordered) -> tuple[Array, Array]:
+    """Return packets, by node, that have an ESCStatus of theirs before and behind them, and the place of the latter."""
+    places = [np.empty(0, np.int64)]
+    behind = [np.empty(0, np.int64)]
+    for node, mine in groups(packets.node):
+        low, high = _span(status, node)
+        after = status.t[low:high].searchsorted(packets.t[mine])
+        both = (after > 0) & (after < high - low)
+        places.append(mine[both])
+        behind.append(after[both] + low)
+    return np.concatenate(places), np.concatenate(behind)

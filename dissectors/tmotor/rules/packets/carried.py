@@ -26,6 +26,7 @@ FORMS = {
     "MotorStatus": (0x15, 28),
     "FocFeedback": (0x1E, 55),
 }
+_PACKETS = sorted(f"{carrier}.{packet}" for carrier in HEADERS for packet in FORMS)
 KNOWN_IDS = {"PUSHSCI": frozenset({0x06, 0x08, 0x1A, 0x1E}), "PUSHCAN": frozenset({0x15, 0x1E})}
 ALL_UNITS = 0xFF
 FIRST_UNIT, LAST_UNIT = 0xA1, 0xA9
@@ -46,14 +47,17 @@ def packet(table: DecodedTable) -> str:
 
 def packet_tables(view: View) -> Iterator[DecodedTable]:
     """Yield the tables of all packets that the document knows, whatever carried them."""
-    for name in sorted(view.tables()):
-        head, _, tail = name.partition(".")
-        if head in HEADERS and tail in FORMS and (table := view.table(name)) is not None:
+    for name in _PACKETS:
+        if (table := view.table(name)) is not None:
             yield table
 
 
 def unit_key(table: DecodedTable) -> Array:
-    """Return bus, source node and power unit of each row as one number."""
+    """Return bus, source node and power unit of each row as one number; not to be written to."""
+    return table.once(_unit_key)
+
+
+def _unit_key(table: DecodedTable) -> Array:
     return sender(table).astype(np.int64) << 8 | table["unit_id"]
 
 
@@ -64,7 +68,11 @@ def by_unit(table: DecodedTable, rows: Array) -> Iterator[tuple[tuple[int, int, 
 
 
 def sender_key(table: DecodedTable) -> Array:
-    """Return bus and source node of each row as one number."""
+    """Return bus and source node of each row as one number; not to be written to."""
+    return table.once(_sender_key)
+
+
+def _sender_key(table: DecodedTable) -> Array:
     return sender(table).astype(np.int64)
 
 
@@ -74,7 +82,11 @@ def occurrence(view: View, table: DecodedTable, row: int, rule: str, values: Val
 
 
 def place(table: DecodedTable) -> Array:
-    """Return each row's place in the order of the capture: number of the transfer, then byte of its data."""
+    """Return each row's place in the order of the capture: transfer, then byte of its data; not to be written to."""
+    return table.once(_place)
+
+
+def _place(table: DecodedTable) -> Array:
     return table["transfer"].astype(np.int64) << 16 | table["offset"].astype(np.int64)
 
 
@@ -130,7 +142,7 @@ class Carried:
         if self._lists is None:
             self._lists = self._table.lists("data")
         starts, values = self._lists
-        at = int(np.searchsorted(self._table.row, row))
+        at = int(self._table.row.searchsorted(row))
         return bytes(values[starts[at] : starts[at + 1]])
 
     def pieces(self, row: int) -> list[CarriedPiece]:
@@ -150,7 +162,7 @@ class Carried:
     def _offsets(self, row: int) -> list[int]:
         found: list[int] = []
         for part in self._parts:
-            low, high = np.searchsorted(part.row, [row, row + 1])
+            low, high = part.row.searchsorted([row, row + 1])
             found += map(int, part["offset"][low:high])
         return sorted(found)
 

@@ -149,5 +149,5 @@ def _angle(one: float, other: float) -> float:
 
 
 def _rows(table: DecodedTable | None) -> list[int]:
-    rows: list[int] = [] if table is None else np.flatnonzero(sound(table) & (table.t != NO_TIME)).tolist()
+    rows: list[int] = [] if table is None else (sound(table) & (table.t != NO_TIME)).nonzero()[0].tolist()
     return rows

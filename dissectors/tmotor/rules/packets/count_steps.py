@@ -56,7 +56,7 @@ class CountSteps:
         return sorted(hits, key=lambda hit: hit.place)
 
     def _of_carrier(self, name: str, tables: Sequence[DecodedTable], chosen: Mapping[int, int]) -> Iterator[Hit]:
-        whole = [np.flatnonzero(table.has("frame_count") & table.has("unit_id")) for table in tables]
+        whole = [(table.has("frame_count") & table.has("unit_id")).nonzero()[0] for table in tables]
         of_all = self._steps(self._by_sender.setdefault(name, Previous(_NONE)), tables, whole)
         readings = np.full(NODES, _NONE)
         readings[list(chosen.keys())] = list(chosen.values())
@@ -66,7 +66,7 @@ class CountSteps:
             reading = readings[sender(table, rows)]
             odd = (steps != 1) & (steps != _NONE)
             odd &= (reading == _NONE) | (reading == np.arange(len(READINGS))[:, np.newaxis])
-            found = np.flatnonzero(odd.any(axis=0) & table.trusted[rows])
+            found = (odd.any(axis=0) & table.trusted[rows]).nonzero()[0]
             places, keys = place(table)[rows[found]].tolist(), unit_key(table)[rows[found]].tolist()
             for k, at in enumerate(found.tolist()):
                 told = tuple(None if step == _NONE else step for step in steps[:, at].tolist())

@@ -60,7 +60,7 @@ class _Answers:
         self._table = table
         self._rows: dict[tuple[int, int], Array] = {}
         if table is not None:
-            self._good = np.flatnonzero(sound(table))
+            self._good = sound(table).nonzero()[0]
             self._keys = table.bus[self._good].astype(np.int64) << 8 | table["unit_id"][self._good]
 
     def first(self, question: _Question, limit: int) -> int | None:
@@ -71,7 +71,7 @@ class _Answers:
         if key not in self._rows:
             self._rows[key] = self._good[self._keys == (question.bus << 8 | question.unit)]
         rows, t = self._rows[key], question.found.t
-        at = int(np.searchsorted(table["transfer"][rows], question.transfer, "right"))
+        at = int(table["transfer"][rows].searchsorted(question.transfer, "right"))
         for row in rows[at:].tolist():
             if t <= table.t[row] <= t + limit:
                 return int(row)
@@ -149,7 +149,7 @@ class _Dialogue(Rule):
     def _questions(self, view: View, table: DecodedTable) -> Iterator[_Question]:
         rule, limit = self.rules[0], view.number(self.rules[0], self.setting)
         name = "limit_ms" if self.unit == MILLISECOND else "limit_s"
-        for row in np.flatnonzero(sound(table)).tolist():
+        for row in sound(table).nonzero()[0].tolist():
             for unit in self._units(view, table, row):
                 found = occurrence(view, table, row, rule, {"unit_id": unit, name: limit}, held=True)
                 yield _Question(int(table.bus[row]), unit, int(table["transfer"][row]), found, {})
@@ -187,7 +187,7 @@ class Queries(_Dialogue):
         bus, t, transfer = int(table.bus[row]), int(table.t[row]), table["transfer"][row]
         since = t - round(view.number("PUSH-201", "seen_s") * SECOND)
         past = self._seen[bus << 8 : (bus + 1) << 8]
-        units = set(np.flatnonzero((past != NO_TIME) & (past >= since)).tolist())
+        units = set(((past != NO_TIME) & (past >= since)).nonzero()[0].tolist())
         for packets in _reports(view):
             here = sound(packets) & (packets.bus == bus) & (packets["transfer"] < transfer) & (packets.t >= since)
             units.update(np.unique(packets["unit_id"][here]).tolist())
@@ -231,7 +231,7 @@ class Feedback(Rule):
 
     def _note(self, table: DecodedTable | None) -> None:
         if table is not None:
-            rows = np.flatnonzero(table.trusted)
+            rows = table.trusted.nonzero()[0]
             columns = (table["transfer"][rows], table.bus[rows], table["esc_index"][rows])
             self._configured += zip(*(column.tolist() for column in columns), strict=True)
             del self._configured[:-_MOST]
@@ -249,7 +249,7 @@ def _reports(view: View) -> Iterator[DecodedTable]:
 
 
 def _settings(view: View, table: DecodedTable) -> Iterator[_Question]:
-    for row in np.flatnonzero(sound(table)).tolist():
+    for row in sound(table).nonzero()[0].tolist():
         given = [(name, column) for name, column, _, ones in _SHARED if table[column][row] != ones]
         wanted = {name: int(table[column][row]) for name, column in given if table.has(column)[row]}
         found = occurrence(view, table, row, "PUSH-103", {})

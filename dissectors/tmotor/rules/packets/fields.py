@@ -38,7 +38,7 @@ def foc_parameters(view: View) -> Iterator[Occurrence]:
     table = view.table("PUSHSCI.FocParameters")
     if table is None:
         return
-    for row in np.flatnonzero(sound(table)).tolist():
+    for row in sound(table).nonzero()[0].tolist():
         found = [(name, int(table[column][row])) for name, column in _SWITCHES.items()]
         wrong = [(name, value) for name, value in found if value > 1 and value != NO_CHANGE_8]
         rate, reports = int(table["bus_rate"][row]), int(table["report_rate"][row])
@@ -59,7 +59,7 @@ def set_points(view: View) -> Iterator[Occurrences]:
     limits = np.full(256, _NO_LIMIT)
     limits[list(_LIMITS)] = list(_LIMITS.values())
     mode, point = table["control_mode"], table["set_point"]
-    rows = np.flatnonzero(sound(table) & (point > limits[mode]))
+    rows = (sound(table) & (point > limits[mode])).nonzero()[0]
 
     def values(row: int) -> dict[str, int]:
         code = int(mode[row])
@@ -82,8 +82,9 @@ def motor_status(view: View) -> Iterator[Occurrences]:
 
 def _motor_states(view: View, table: DecodedTable) -> Iterator[Occurrences]:
     other = table["motor_status"]
-    rows = np.flatnonzero(sound(table) & (other != 0))
-    yield view.among_rows("PUSH-406", table, rows, lambda row: {"value": int(other[row])}, key=other[rows])
+    rows = (sound(table) & (other != 0)).nonzero()[0]
+    if len(rows):
+        yield view.among_rows("PUSH-406", table, rows, lambda row: {"value": int(other[row])}, key=other[rows])
 
 
 def _pulses(view: View, table: DecodedTable) -> Iterator[Occurrences]:
@@ -97,24 +98,29 @@ def _pulses(view: View, table: DecodedTable) -> Iterator[Occurrences]:
             return {"microseconds": float(pulse[row])}
 
         for mask, severity in ((odd & known, None), (odd & ~known, "warning")):
-            rows = np.flatnonzero(mask)
-            far: Worsts = {"microseconds": (sum(_USUAL_PULSE) / 2, pulse[rows].astype(np.float64))}
-            yield view.among_rows("PUSH-403", table, rows, width, severity=severity, worst=far)
-    rows = np.flatnonzero(good & (np.rint(throttle * 10) > 1000))
-    most: Worsts = {"percent": ("highest", throttle[rows].astype(np.float64))}
-    yield view.among_rows("PUSH-404", table, rows, lambda row: {"percent": float(throttle[row])}, worst=most)
+            rows = mask.nonzero()[0]
+            if len(rows):
+                far: Worsts = {"microseconds": (sum(_USUAL_PULSE) / 2, pulse[rows].astype(np.float64))}
+                yield view.among_rows("PUSH-403", table, rows, width, severity=severity, worst=far)
+    rows = (good & (np.rint(throttle * 10) > 1000)).nonzero()[0]
+    if len(rows):
+        most: Worsts = {"percent": ("highest", throttle[rows].astype(np.float64))}
+        yield view.among_rows("PUSH-404", table, rows, lambda row: {"percent": float(throttle[row])}, worst=most)
 
 
 def _temperatures(view: View, table: DecodedTable) -> Iterator[Occurrences]:
     raw = np.rint(table["temperature"] * 100)
-    good = sound(table)
+    good = sound(table) & (raw >= _KELVIN[0])
+    if not good.any():
+        return
     readings = {
         "hundredths of a degree below zero": raw >= _BELOW_ZERO,
-        "hundredths of a kelvin": (raw >= _KELVIN[0]) & (raw <= _KELVIN[1]) & (raw < _BELOW_ZERO),
+        "hundredths of a kelvin": (raw <= _KELVIN[1]) & (raw < _BELOW_ZERO),
     }
     for reading, mask in readings.items():
-        if mask.any():
-            yield view.among_rows("PUSH-405", table, np.flatnonzero(good & mask), _temperature(raw, reading))
+        rows = (good & mask).nonzero()[0]
+        if len(rows):
+            yield view.among_rows("PUSH-405", table, rows, _temperature(raw, reading))
 
 
 def _temperature(raw: Array, reading: str) -> Callable[[int], Values]:
@@ -123,19 +129,21 @@ def _temperature(raw: Array, reading: str) -> Callable[[int], Values]:
 
 def _limits(view: View, table: DecodedTable) -> Iterator[Occurrences]:
     good, speed = sound(table), table["speed"]
-    rows = np.flatnonzero(good & (np.abs(speed.astype(np.int32)) >= _LIMIT))
+    rows = (good & ((speed >= _LIMIT) | (speed <= -_LIMIT))).nonzero()[0]
 
     def turning(row: int) -> dict[str, str]:
         return {"field": "speed", "value": f"{int(speed[row])} rpm"}
 
-    yield view.among_rows("PUSH-408", table, rows, turning)
+    if len(rows):
+        yield view.among_rows("PUSH-408", table, rows, turning)
     current = table["current"]
-    rows = np.flatnonzero(good & (np.rint(np.abs(current) * 100) >= _LIMIT))
+    rows = (good & (np.rint(np.abs(current) * 100) >= _LIMIT)).nonzero()[0]
 
     def flowing(row: int) -> dict[str, str]:
         return {"field": "current", "value": f"{float(current[row]):.2f} A"}
 
-    yield view.among_rows("PUSH-408", table, rows, flowing)
+    if len(rows):
+        yield view.among_rows("PUSH-408", table, rows, flowing)
 
 
 @rule("PUSH-501", "PUSH-502")
@@ -144,7 +152,7 @@ def foc_feedback(view: View) -> Iterator[Occurrence]:
     table = view.table("PUSHCAN.FocFeedback")
     if table is None:
         return
-    for row in np.flatnonzero(sound(table)).tolist():
+    for row in sound(table).nonzero()[0].tolist():
         for part in ("hardware", "software"):
             version = table.cell(f"{part}_version", row)
             if not _readable(version):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import rule
+from dissectors.kit import rule, sound
 from dissectors.tmotor.rules.packets.carried import (
     ALL_UNITS,
     FIRST_UNIT,
@@ -41,16 +41,18 @@ def known_packets(view: View) -> Iterator[Occurrences]:
         if not (table["packet_ok"] & table["header_ok"]).all():
             yield from _broken(view, table, good)
         if packet(table) == "FocParameters":
-            rows = np.flatnonzero(good & table["packet_ok"] & (table["checksum_end"] == _PRINTED_END))
-            yield view.among_rows("PUSH-006", table, rows, _cell(table, "value", "checksum"))
+            rows = (sound(table) & (table["checksum_end"] == _PRINTED_END)).nonzero()[0]
+            if len(rows):
+                yield view.among_rows("PUSH-006", table, rows, _cell(table, "value", "checksum"))
         unit = table["unit_id"]
         wrong = (unit < FIRST_UNIT) | (unit > LAST_UNIT)
         if wrong.any():
             wrong &= good & table.has("unit_id")
             if packet(table) == "FocQuery":
                 wrong &= unit != ALL_UNITS
-            rows = np.flatnonzero(wrong)
-            yield view.among_rows("PUSH-008", table, rows, _cell(table, "unit_id", "unit_id"), key=unit[rows])
+            rows = wrong.nonzero()[0]
+            if len(rows):
+                yield view.among_rows("PUSH-008", table, rows, _cell(table, "unit_id", "unit_id"), key=unit[rows])
 
 
 def _broken(view: View, table: DecodedTable, good: Array) -> Iterator[Occurrences]:
@@ -69,11 +71,15 @@ def _broken(view: View, table: DecodedTable, good: Array) -> Iterator[Occurrence
         start = int(table["offset"][row])
         return _header(carried.data(int(table.row[row]))[start:], carrier(table))
 
-    yield view.among_rows("PUSH-002", table, np.flatnonzero(good & ~table["header_ok"]), other)
-    wrong = good & ~table["length_ok"]
-    yield view.among_rows("PUSH-003", table, np.flatnonzero(wrong & table.has("length")), lengths)
-    judged = good & table["length_ok"] & table["complete"]
-    yield view.among_rows("PUSH-005", table, np.flatnonzero(judged & ~table["checksum_ok"]), checksums_of)
+    wrong = {
+        "PUSH-002": (good & ~table["header_ok"], other),
+        "PUSH-003": (good & ~table["length_ok"] & table.has("length"), lengths),
+        "PUSH-005": (good & table["length_ok"] & table["complete"] & ~table["checksum_ok"], checksums_of),
+    }
+    for rule_, (mask, values) in wrong.items():
+        rows = mask.nonzero()[0]
+        if len(rows):
+            yield view.among_rows(rule_, table, rows, values)
 
 
 @rule("PUSH-001", "PUSH-002", "PUSH-004", "PUSH-005", "PUSH-007", "PUSH-008")
@@ -86,7 +92,8 @@ def leftovers(view: View) -> Iterator[Occurrence]:
         odd = _odd(view, name)
         if odd.size:
             carried = Carried(view, name)
-            for row in np.flatnonzero(np.isin(table.row, odd) & table.trusted).tolist():
+            rows = table.row.searchsorted(odd)  # all are there
+            for row in rows[table.trusted[rows]].tolist():
                 for piece in carried.pieces(int(table.row[row])):
                     for rule, values in _judge(piece, name):
                         yield occurrence(view, table, row, rule, values)

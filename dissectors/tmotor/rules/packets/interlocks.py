@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from dissectors.kit import NO_TIME, SECOND, Rule, breach, sound, usable
 from dissectors.tmotor.rules.joined.speeds import Speeds
 from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT, NO_CHANGE_8, NO_CHANGE_16, occurrence
@@ -70,6 +68,7 @@ class Interlocks(Rule):
                 asker = int(one.table.src[one.row])
                 values = {"asker": asker, "command": one.command, "address": one.address, "turning": _named(turning)}
                 yield say(view, one.table, one.row, rule, values)
+        self._speeds.forget()
 
     def _motors(self, one: _Request) -> Sequence[LastSpeed]:
         bus, transfer = int(one.table.bus[one.row]), int(one.table["transfer"][one.row])
@@ -94,13 +93,13 @@ def _requests(view: View) -> Iterator[_Request]:
         table = view.table(f"PUSHSCI.{name}")
         if table is None:
             continue
-        for row in np.flatnonzero(sound(table)).tolist():
+        for row in sound(table).nonzero()[0].tolist():
             command = _command(table, name, row)
             if command:
                 yield _Request(table, row, command, int(table["unit_id"][row]))
     table = view.table("ParamCfg")
     if table is not None:
-        for row in np.flatnonzero(usable(table) & (table["esc_save_option"] == _PERMANENT)).tolist():
+        for row in (usable(table) & (table["esc_save_option"] == _PERMANENT)).nonzero()[0].tolist():
             uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
             yield _Request(table, row, "ParamCfg with permanent save", None, uuid, index)
 

@@ -65,7 +65,7 @@ class Lives(Rule):
                 yield doubt.found
 
     def _follow(self, view: View, table: DecodedTable) -> Iterator[Occurrence]:
-        rows = np.flatnonzero(sound(table))
+        rows = sound(table).nonzero()[0]
         if not rows.size:
             return
         # A node that turns out to send the high byte first starts anew: its numbers before were read wrongly.
@@ -78,11 +78,11 @@ class Lives(Rule):
         first[1:] = keys[1:] != keys[:-1]
         back = np.zeros(len(rows), bool)
         back[1:] = ~first[1:] & ((np.diff(powered) < 0) | (np.diff(runtime) < 0))
-        for k in np.flatnonzero(first | back).tolist():
+        for k in (first | back).nonzero()[0].tolist():
             was = self._last.get(int(keys[k])) if first[k] else _life(table, int(rows[k - 1]))
             if was is not None:
                 yield from self._compare(view, table, int(rows[k]), was)
-        for k in np.flatnonzero(np.append(first[1:], True)).tolist():
+        for k in np.append(first[1:], True).nonzero()[0].tolist():
             if int(keys[k]) in self._last or len(self._last) < _MOST_UNITS:
                 self._last[int(keys[k])] = _life(table, int(rows[k]))
 
@@ -112,15 +112,15 @@ class Lives(Rule):
         started = status.t - status["uptime_sec"].astype(np.int64) * SECOND
         kept = []
         for doubt in self._doubts:
-            rows = np.flatnonzero(good & (nodes == doubt.node))
-            at = int(np.searchsorted(status["transfer"][rows], doubt.transfer))
+            rows = (good & (nodes == doubt.node)).nonzero()[0]
+            at = int(status["transfer"][rows].searchsorted(doubt.transfer))
             seen = [*started[rows[max(at - 1, 0) : at + 1]].tolist(), self._started.get(doubt.node, NO_TIME)]
             if at == len(rows):
                 kept.append(doubt)
             elif max(seen) <= doubt.since:
                 yield doubt.found
         self._doubts = kept
-        for node in np.flatnonzero(np.bincount(nodes[good])).tolist():
+        for node in np.bincount(nodes[good]).nonzero()[0].tolist():
             if node in self._started or len(self._started) < _MOST_UNITS:
                 self._started[node] = int(started[good & (nodes == node)][-1])
 

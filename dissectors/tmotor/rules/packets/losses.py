@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_right
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ _MOST_LOSSES = 1024  # remembered of a session; 256 before a packet are all that
 _MOST_GAPS = 256
 _BROKEN = -1
 _NAMES = ("PUSHSCI", "PUSHCAN")
+_LEAD = itemgetter(0)
 
 
 class _Losses(NamedTuple):
@@ -28,11 +30,15 @@ class _Losses(NamedTuple):
     lead: array[int]
     lost: array[int]
 
-    def add(self, lead: Array, lost: Array) -> None:
+    def add(self, lead: Sequence[int], lost: Sequence[int]) -> None:
         """Add some."""
-        leads, counts = np.append(self.lead, lead), np.append(self.lost, lost)
-        order = np.argsort(leads, kind="stable")
-        self.lead[:], self.lost[:] = (array("q", column[order].tobytes()) for column in (leads, counts))
+        pairs = sorted(zip(lead, lost, strict=True), key=_LEAD)
+        at = bisect_right(self.lead, pairs[0][0])
+        if at < len(self.lead):
+            pairs = sorted([*zip(self.lead[at:], self.lost[at:], strict=True), *pairs], key=_LEAD)
+            del self.lead[at:], self.lost[at:]
+        self.lead.extend(one for one, _ in pairs)
+        self.lost.extend(count for _, count in pairs)
 
 
 class TransferLosses:
@@ -48,7 +54,7 @@ class TransferLosses:
     def feed(self, view: View) -> None:
         """Add what a batch lost: transfer IDs left out, damaged transfers, and packets that cannot be read."""
         t = view.transfers
-        rows = np.flatnonzero((t.type_id | 1) == TYPE_IDS["PUSHCAN"])  # the other one is 1 below
+        rows = ((t.type_id | 1) == TYPE_IDS["PUSHCAN"]).nonzero()[0]  # the other one is 1 below
         rows = rows[t.kind[rows] == 0]
         gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
         broken = rows[t.status[rows] != 0]
@@ -61,7 +67,7 @@ class TransferLosses:
         session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
         for key, mine in groups(session):
             known = self._lost.setdefault((_NAMES[key & 1], key >> 1), _Losses(array("q"), array("q")))
-            known.add(t.lead[rows[mine]], lost[mine])
+            known.add(t.lead[rows[mine]].tolist(), lost[mine].tolist())
 
     def forget(self) -> None:
         """Leave out what is older than any packet that is still to be judged."""
@@ -99,7 +105,7 @@ class CaptureGaps:
             resumed = view.resumed(resumed - 1)
         self._waiting += reversed(new)
         self._seen = max(self._seen, *new, NO_TIME)
-        while self._waiting and len(behind := np.flatnonzero(t.t >= self._waiting[0])):
+        while self._waiting and len(behind := (t.t >= self._waiting[0]).nonzero()[0]):
             self._numbers.append(t.first + int(behind[0]))
             del self._waiting[0]
         del self._numbers[:-_MOST_GAPS]
@@ -164,7 +170,8 @@ class Before:
             places = self.places.setdefault(table.name, Latest(0))
             places.feed(keys, place(table))
             low = int(keys.min())
-            held = np.flatnonzero(np.bincount(keys - low)) + low
-            rows = ((places.get(key) >> 16) - transfers.first for key in held.tolist())
-            leads = np.fromiter((transfers.frames(row)[0] for row in rows), np.int64, len(held))
-            self._leads.setdefault(table.name, Latest(0)).feed(held, leads)
+            last = np.full(int(keys.max()) - low + 1, -1)
+            last[keys - low] = np.arange(len(keys))  # of a key's rows the last one stays
+            held = (last >= 0).nonzero()[0]
+            leads = transfers.lead[table.row[last[held]]]
+            self._leads.setdefault(table.name, Latest(0)).feed(held + low, leads)

@@ -32,7 +32,7 @@ class MotorFaults(Rule):
         table = view.table("PUSHCAN.MotorStatus")
         if table is None:
             return
-        rows = np.flatnonzero(sound(table))
+        rows = sound(table).nonzero()[0]
         word = table["fault"][rows].astype(np.int64)
         for bit, at, rises, severity in self._flags.feed(table, rows, sender(table, rows), word):
             some = rows[at]
@@ -55,7 +55,7 @@ class SystemStatus(Rule):
         table = view.table("PUSHCAN.MotorStatus")
         if table is None:
             return
-        good = np.flatnonzero(sound(table))
+        good = sound(table).nonzero()[0]
         status = table["system_status"][good]
         (before,), _ = self._before.feed(sender(table, good), status)
         wrong = (status != _QUIET) & (status != _LOCKED)

@@ -32,7 +32,7 @@ class FloatOrders(Rule):
         tables = [one for one in packet_tables(view) if "big_endian" in one and one["big_endian"].any()]
         first: dict[int, tuple[int, DecodedTable, int]] = {}
         for table in tables:
-            rows = np.flatnonzero(table["big_endian"] & sound(table))
+            rows = (table["big_endian"] & sound(table)).nonzero()[0]
             nodes = sender(table)[rows]
             for node in np.unique(nodes).tolist():
                 row = int(rows[nodes == node][0])
@@ -71,18 +71,18 @@ class UnitMapping(Rule):
     ) -> Iterator[Occurrence]:
         pairs = unit_key(packets)
         good = sound(packets)
-        for pair in np.flatnonzero(np.bincount(pairs[good], minlength=1)).tolist():
+        for pair in np.bincount(pairs[good], minlength=1).nonzero()[0].tolist():
             node, unit = pair >> 8, pair & 0xFF
             if not FIRST_UNIT <= unit <= LAST_UNIT:
                 continue
             index = self._index.get(node)
             if node not in reports or status is None:
                 if index is not None and self._new(node, unit, index):
-                    row = int(np.flatnonzero(good & (pairs == pair))[0])
+                    row = int((good & (pairs == pair)).nonzero()[0][0])
                     yield _mapping_breach(view, packets, row, index)
                 continue
-            rows = np.flatnonzero(good & (pairs == pair))
-            at = np.searchsorted(status["transfer"][reports[node]], packets["transfer"][rows]) - 1
+            rows = (good & (pairs == pair)).nonzero()[0]
+            at = status["transfer"][reports[node]].searchsorted(packets["transfer"][rows]) - 1
             before = -1 if index is None else index
             indexes = np.where(at < 0, before, status["esc_index"][reports[node][np.maximum(at, 0)]].astype(np.int64))
             for found in np.unique(indexes[indexes >= 0]).tolist():
@@ -101,10 +101,10 @@ def _indexes_of(status: DecodedTable, known: dict[int, int]) -> dict[int, Array]
     good, nodes = usable(status), sender(status)
     packed = nodes.astype(np.int64) << _INDEXES | status["esc_index"]
     new: dict[int, Array] = {}
-    for code in np.flatnonzero(np.bincount(packed[good], minlength=1)).tolist():
+    for code in np.bincount(packed[good], minlength=1).nonzero()[0].tolist():
         node, index = code >> _INDEXES, code & (1 << _INDEXES) - 1
         if node not in new and known.get(node) != index and (node in known or len(known) < _MOST):
-            new[node] = np.flatnonzero(good & (nodes == node))
+            new[node] = (good & (nodes == node)).nonzero()[0]
     return new
 
 

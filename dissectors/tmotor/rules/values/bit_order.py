@@ -25,7 +25,7 @@ def low_bits_first(view: View) -> Iterator[Occurrences]:
     if table is None:
         return
     found: dict[int, Values] = {}
-    for row in np.flatnonzero(table["pad_nonzero"] & usable(table)).tolist():
+    for row in (table["pad_nonzero"] & usable(table)).nonzero()[0].tolist():
         payload = view.transfers.payload(int(table.row[row]))
         reading = _c_reading(int.from_bytes(payload[_C_START:_C_END], "little"))
         if reading is not None:

@@ -34,8 +34,8 @@ class ChannelCount(Rule):
         """Judge the commands of this batch; a report counts for those that ended after it."""
         window = round(view.number("TYP-103", "window_s") * SECOND)
         commands, reports = view.table("RawCommand"), view.table("ESCStatus")
-        asked = np.empty(0, np.int64) if commands is None else np.flatnonzero(usable(commands) & _has_time(commands))
-        reported = np.empty(0, np.int64) if reports is None else np.flatnonzero(usable(reports) & _has_time(reports))
+        asked = np.empty(0, np.int64) if commands is None else (usable(commands) & _has_time(commands)).nonzero()[0]
+        reported = np.empty(0, np.int64) if reports is None else (usable(reports) & _has_time(reports)).nonzero()[0]
         for bus in range(len(view.buses)):
             mine = asked if commands is None else asked[commands.bus[asked] == bus]
             heard = reported if reports is None else reported[reports.bus[reported] == bus]
@@ -70,9 +70,9 @@ class ChannelCount(Rule):
         spoken = np.bincount(indexes, minlength=_INDEXES)
         final = np.zeros(len(spoken), np.int64)
         final[indexes] = np.arange(len(indexes))  # of each index the last one
-        for index in np.flatnonzero((spoken > 0) | (self._last[bus] != NO_TIME))[::-1].tolist():
+        for index in ((spoken > 0) | (self._last[bus] != NO_TIME)).nonzero()[0][::-1].tolist():
             latest = last = self._last[bus, index]
-            todo = np.flatnonzero(highest < 0)
+            todo = (highest < 0).nonzero()[0]
             if not len(todo):
                 self._last[bus, index] = at[final[index]] if spoken[index] else last
                 continue

@@ -40,7 +40,7 @@ class ErrorCount(Rule):
         """Follow nodes that may count."""
         table = view.table("ESCStatus")
         if table is not None:
-            rows = np.flatnonzero(usable(table))
+            rows = usable(table).nonzero()[0]
             node, word = sender(table, rows), table["error_count"][rows]
             self._other[node[mode(word) - np.uint32(1) < 8]] = True
             still = ~self._other[node]
@@ -53,7 +53,7 @@ class ErrorCount(Rule):
         (before,), _ = self._before.feed(node, word)
         step = np.where(before < 0, 0, word - before)
         self._other[node[(step < 0) | (step > view.number("TYP-307", "max_step"))]] = True
-        for at in np.flatnonzero(step != 0).tolist():
+        for at in (step != 0).nonzero()[0].tolist():
             code = int(node[at])
             if self._other[code]:
                 self._counts.pop(code, None)

@@ -82,7 +82,7 @@ class FaultFlags:
                 early = self._told_early(node, here, rises, table["transfer"][rows])
             parts: tuple[tuple[Array, Severity | None], ...] = ((here & ~early, None), (here & early, "note"))
             for mask, severity in parts:
-                at = np.flatnonzero(mask)
+                at = mask.nonzero()[0]
                 if len(at):
                     yield bit, at, rises[at], severity
 
@@ -95,7 +95,7 @@ class FaultFlags:
             return first
         early = np.zeros(len(here), bool)
         for one in np.unique(node).tolist():
-            mine = np.flatnonzero(node == one)
+            mine = (node == one).nonzero()[0]
             begun = np.maximum.accumulate(np.where(rises[mine], np.arange(len(mine)), -1))
             early[mine] = here[mine] & np.where(begun < 0, self._early[one], first[mine[begun]])
             self._early[one] = early[mine[-1]]

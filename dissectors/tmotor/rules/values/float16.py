@@ -47,7 +47,7 @@ class CoarseFloats(Rule):
         """Count; nothing is certain before the end."""
         table = view.table("ESCStatus")
         if table is not None:
-            rows = np.flatnonzero(usable(table))
+            rows = usable(table).nonzero()[0]
             node = sender(table, rows)
             still = ~self._fine[node]
             if still.any():

@@ -68,7 +68,7 @@ class Identity(Rule):
         if states is not None:
             good = usable(states)
             later = good & (states["transfer"] >= since) & bool(self._claims)
-            plain = np.flatnonzero(good & ~later)  # while no claim waits, a NodeStatus only says the uptime
+            plain = (good & ~later).nonzero()[0]  # while no claim waits, a NodeStatus only says the uptime
             self._uptimes[sender(states, plain)] = states["uptime_sec"][plain]
             rest = _rows(states, later, "uptime_sec")
         for row in sorted((*waiting, *rest)):
@@ -132,7 +132,7 @@ class Identity(Rule):
 
 def _rows(table: DecodedTable, good: Array, *names: str) -> list[tuple[int, ...]]:
     """Return number of the transfer, row, bus, node, time and some columns of each good row."""
-    rows = np.flatnonzero(good)
+    rows = good.nonzero()[0]
     columns = table["transfer"], table.bus, table.src, table.t, *(table[name] for name in names)
     number, *others = (column[rows].tolist() for column in columns)
     return list(zip(number, rows.tolist(), *others, strict=True))

@@ -39,10 +39,11 @@ def ids(view: View) -> Iterator[Occurrences]:
         if table is None:
             continue
         number = table[field]
-        wrong = usable(table) & (number > _MOST_ID) & ~np.isin(number, _ALL_IDS)
-        if name == "ParamGet":
-            wrong &= number != table["esc_index"]
-        rows = np.flatnonzero(wrong)
+        rows = (usable(table) & (number > _MOST_ID)).nonzero()[0]
+        if rows.size:
+            rows = rows[~np.isin(number[rows], _ALL_IDS)]
+        if rows.size and name == "ParamGet":
+            rows = rows[number[rows] != table["esc_index"][rows]]
         if rows.size:
 
             def values_of(row: int, field: str = field, number: Array = number) -> Values:
@@ -57,10 +58,10 @@ def queries(view: View) -> Iterator[Occurrences]:
     table = view.table("ParamCfg")
     if table is None:
         return
-    asked = usable(table)
-    for row in np.flatnonzero(asked).tolist():
-        asked[row] = view.transfers.payload(int(table.row[row]))[: len(_QUERY)] == _QUERY
-    yield view.among_rows("TYP-208", table, np.flatnonzero(asked), lambda row: {"node": int(table.src[row])})
+    rows = usable(table).nonzero()[0].tolist()
+    asked = [row for row in rows if view.transfers.payload(int(table.row[row]))[: len(_QUERY)] == _QUERY]
+    if asked:
+        yield view.among_rows("TYP-208", table, np.array(asked), lambda row: {"node": int(table.src[row])})
 
 
 @rule("TYP-209")
@@ -70,12 +71,14 @@ def ambiguous(view: View) -> Iterator[Occurrences]:
     if table is None:
         return
     good, uuid = usable(table), table["esc_uuid"]
+    if not good.any():
+        return
     partly = np.zeros(len(table), bool)
     for mask in _PARTLY_ONES:
         partly |= uuid & mask == mask
     doubtful = [("esc_uuid", partly & (uuid != 0xFFFFFFFF)), *((name, table[name] == 0xFF) for name in _WORDS)]
     for name, wrong in doubtful:
-        rows = np.flatnonzero(wrong & good)
+        rows = (wrong & good).nonzero()[0]
         if rows.size:
 
             def values_of(row: int, name: str = name) -> Values:
@@ -92,7 +95,7 @@ def reserved(view: View) -> Iterator[Occurrences]:
         return
     starts, _ = table.lists("rsvd")
     length = np.diff(starts)
-    rows = np.flatnonzero(usable(table) & ~np.isin(length, _RESERVED))
+    rows = (usable(table) & (length != _RESERVED[0]) & (length != _RESERVED[1])).nonzero()[0]
     if rows.size:
         yield view.among_rows("TYP-401", table, rows, lambda row: {"length": int(length[row])}, key=length[rows])
 
@@ -112,7 +115,7 @@ class Lifetime(Rule):
             return
         devices = list(zip(table.bus.tolist(), table["esc_uuid"].tolist(), strict=True))
         counts = list(zip(*(table[name].tolist() for name in _COUNTERS), strict=True))
-        for row in np.flatnonzero(usable(table)).tolist():
+        for row in usable(table).nonzero()[0].tolist():
             device, now = devices[row], dict(zip(_COUNTERS, counts[row], strict=True))
             before = self._before.get(device, now)
             if device in self._before or len(self._before) < _MOST_DEVICES:
@@ -130,7 +133,7 @@ def dates(view: View) -> Iterator[Occurrences]:
     table = view.table("ParamGet")
     if table is None:
         return
-    date, rows = table["esc_product_date"], np.flatnonzero(usable(table))
+    date, rows = table["esc_product_date"], usable(table).nonzero()[0]
     by_row = {row: {"value": int(date[row]), "format": _format(int(date[row]))} for row in rows.tolist()}
     key = np.array([one["format"] for one in by_row.values()])
     if by_row:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dissectors.kit import rule, usable
 
 if TYPE_CHECKING:
@@ -25,7 +23,7 @@ def prefixes(view: View) -> Iterator[Occurrences]:
         table = view.table(name)
         if table is None or not table["layout"].any():
             continue
-        mine = np.flatnonzero((table["layout"] != 0) & usable(table))
+        mine = ((table["layout"] != 0) & usable(table)).nonzero()[0]
         mine = mine[~view.transfers.fd[table.row[mine]]]
         if mine.size:
             yield _prefix_breaches(view, table, mine, field, width)

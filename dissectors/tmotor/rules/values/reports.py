@@ -49,7 +49,7 @@ def limits(view: View) -> Iterator[Occurrences]:
 
 def _good(table: DecodedTable, wrong: Array) -> Array:
     """Return trusted rows among those that are wrong."""
-    rows = np.flatnonzero(wrong)
+    rows = wrong.nonzero()[0]
     return rows[usable(table)[rows]] if rows.size else rows
 
 
@@ -104,7 +104,7 @@ class Faults(Rule):
         table = view.table("ESCStatus")
         if table is None:
             return
-        rows = np.flatnonzero(usable(table))
+        rows = usable(table).nonzero()[0]
         word, node = table["error_count"][rows], sender(table, rows)
         faults = (word & _FAULT_BITS).astype(np.int64)
         for bit, at, rises, severity in self._flags.feed(table, rows, node, faults):
@@ -120,7 +120,7 @@ class Faults(Rule):
         self._mode[node[others]] = modes[others]  # of a node's rows the last one stays
 
     def _errors(self, view: View, table: DecodedTable, rows: Array, modes: Array, node: Array) -> Iterator[Occurrences]:
-        wrong = np.flatnonzero(modes == _ERROR_MODE)
+        wrong = (modes == _ERROR_MODE).nonzero()[0]
         if not wrong.size and self._failed.all(0):
             return
         (failed,), _ = self._failed.feed(node, (modes == _ERROR_MODE).astype(np.int64))
@@ -128,7 +128,7 @@ class Faults(Rule):
             return
         before = np.full(len(rows), _UNKNOWN_MODE)
         for code in np.unique(node[wrong]).tolist():
-            mine = np.flatnonzero(node == code)
+            mine = (node == code).nonzero()[0]
             latest = np.maximum.accumulate(np.where(modes[mine] == _ERROR_MODE, -1, np.arange(len(mine))))
             before[mine] = np.where(latest < 0, self._mode[code], modes[mine[latest]])
 

@@ -38,7 +38,7 @@ class Sequences(Rule):
             table = view.table(name)
             if table is None:
                 continue
-            rows = np.flatnonzero(usable(table))
+            rows = usable(table).nonzero()[0]
             starts, _ = table.lists("data")
             empty = rows[starts[rows] == starts[rows + 1]]
             if empty.size:
@@ -58,7 +58,7 @@ class Sequences(Rule):
         timed = (t != NO_TIME) & (before_t != NO_TIME)
         pause = np.where(timed, t - np.where(timed, before_t, 0), 0)
         sent = (identifier - before_id) % _IDS
-        gap = np.flatnonzero(known & (step > 1) & ~_is_explained(step, sent, pause))
+        gap = (known & (step > 1) & ~_is_explained(step, sent, pause)).nonzero()[0]
         if gap.size:
             expected = (before[gap] + np.maximum(sent[gap], 1)) % _WORD
             found = {int(row): int(at) for row, at in zip(rows[gap], expected, strict=True)}
@@ -66,8 +66,8 @@ class Sequences(Rule):
                 "TYP-501", table, rows[gap],
                 lambda row: {"expected": found[row], "value": int(table["data_sequence"][row])}, drops=True,
             )  # fmt: skip
-        yield from self._find_repeats(view, table, rows, node, np.flatnonzero(known & (step == 0)), previous)
-        back = np.flatnonzero(known & (step < 0))
+        yield from self._find_repeats(view, table, rows, node, (known & (step == 0)).nonzero()[0], previous)
+        back = (known & (step < 0)).nonzero()[0]
         back = back[~_is_overtaken(step[back], sent[back], value[back])]
         if back.size:
             earlier = {int(row): int(at) for row, at in zip(rows[back], before[back], strict=True)}
@@ -89,7 +89,7 @@ class Sequences(Rule):
             same[k] = here == there
         last = np.full(int(node.max()) + 1, -1)
         last[node] = np.arange(len(node))
-        for code in np.flatnonzero(last >= 0).tolist():
+        for code in (last >= 0).nonzero()[0].tolist():
             self._payloads[table.name, code] = payload(int(table.row[rows[last[code]]]))
         for mine, data, severity in ((again[~same], "other", None), (again[same], "the same", "note")):
             if mine.size:

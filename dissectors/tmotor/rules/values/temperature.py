@@ -32,7 +32,7 @@ class TemperatureUnit(Rule):
         """Widen the ranges."""
         table = view.table("ESCStatus")
         if table is not None:
-            rows = np.flatnonzero(usable(table) & np.isfinite(table["temperature"]))
+            rows = (usable(table) & np.isfinite(table["temperature"])).nonzero()[0]
             node, degrees = sender(table, rows), table["temperature"][rows]
             for code, at in _first_rows(node):
                 if code not in self._places:

@@ -23,10 +23,10 @@ def ranges(view: View) -> Iterator[Occurrences]:
     if table is None:
         return
     starts, values = table.lists("cmd")
-    low = np.flatnonzero(values < 0)
+    low = (values < 0).nonzero()[0]
     if not low.size:
         return
-    rows = np.searchsorted(starts, low, "right") - 1
+    rows = starts.searchsorted(low, "right") - 1
     good = usable(table)[rows]
     low, rows = low[good], rows[good]
     for code, limit in (("TYP-101", 0), ("TYP-102", -FULL_THROTTLE)):
@@ -54,7 +54,7 @@ def empty(view: View) -> Iterator[Occurrences]:
     if table is None:
         return
     starts, _ = table.lists("cmd")
-    rows = np.flatnonzero(np.diff(starts) == 0)
+    rows = (np.diff(starts) == 0).nonzero()[0]
     if rows.size:
         rows = rows[usable(table)[rows] & (view.transfers.length[table.row[rows]] == 0)]
         yield view.among_rows("TYP-104", table, rows, lambda _row: {})

@@ -45,7 +45,7 @@ def one_word(view: View) -> Iterator[Occurrences]:
     if table is None:
         return
     starts, values = table.lists("cmd")
-    rows = np.flatnonzero(np.diff(starts) == 4)
+    rows = (np.diff(starts) == 4).nonzero()[0]
     at = starts[rows]
     rows = rows[(values[at + 3] == 0) & (values[at + 2] == 0) & np.isin(values[at + 1], (64, 128, 192))]
     if not rows.size:
@@ -79,7 +79,7 @@ class Words(Rule):
             return
         length = view.transfers.length[table.row]
         even = (length > 0) & (length <= _MOST_BYTES) & (length % 2 == 0)
-        rows = np.flatnonzero(even & usable(table) & ~view.transfers.fd[table.row])
+        rows = (even & usable(table) & ~view.transfers.fd[table.row]).nonzero()[0]
         for key, places in groups(sender(table, rows).astype(np.int64) << 8 | length[rows]):
             mine, who = rows[places], (key >> 8, key & 0xFF)
             if who in self._streams or (_may_be_words(table, mine) and len(self._streams) < _MOST_SENDERS):
@@ -104,7 +104,7 @@ def _may_be_words(table: DecodedTable, rows: Array) -> bool:
     for channel, low in _SIGNS:
         bits = values[at + channel] >> low & 7
         mask &= (bits == 0) | (bits == 7)
-    return any(values[at[k] : at[k] + channels].any() for k in np.flatnonzero(mask).tolist())
+    return any(values[at[k] : at[k] + channels].any() for k in mask.nonzero()[0].tolist())
 
 
 @dataclass(slots=True)
@@ -161,9 +161,10 @@ class _Stream:
     def _to_follow(self, begun: Array, told: Array, any_: Array) -> Array:
         """Return the places of commands that are not all zero, from the first one on that tells something."""
         telling = np.cumsum((told != _NOTHING) & any_)
-        first = np.searchsorted(begun, begun)  # the first place since it began
+        first = begun.searchsorted(begun)  # the first place since it began
         before = np.append(0, telling)[first]
-        return np.flatnonzero(any_ & ((telling > before) | ((begun == 0) & self.under_way)))
+        follow: Array = (any_ & ((telling > before) | ((begun == 0) & self.under_way))).nonzero()[0]
+        return follow
 
     def _tell(self, view: View, table: DecodedTable, row: int, both: tuple[Array, Array]) -> Iterator[Occurrence]:
         names = "a word" if len(both[0]) == 1 else "words"
