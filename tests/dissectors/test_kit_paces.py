@@ -91,3 +91,32 @@ def test_several_close_together_are_one_round() -> None:
     assert [(one.start, one.stop, one.period) for one in found] == [
         (8 * SECOND + 3 * MILLISECOND, 20 * SECOND, float(SECOND))
     ]
+
+
+class Thorough(PacedReports):
+    """Looks at all reports of all senders, as if each might have a break."""
+
+    def _may_break(self, new: Any) -> Any:
+        super()._may_break(new)
+        return np.arange(len(new.senders))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(REPORTS, min_size=1, max_size=5), st.data())
+def test_who_is_not_looked_at_has_no_break(kinds: Any, data: st.DataObject) -> None:
+    reports = [made(one) for one in kinds]
+    size = data.draw(st.integers(1, 40))
+    quick, thorough = paced(), Thorough(100 * MILLISECOND, 5, 4, 2 * SECOND)
+    for first in range(0, max(len(t) for t, _ in reports), size):
+        parts = [(t[first : first + size], lost[first : first + size]) for t, lost in reports]
+        found, expected = (breaks(one, parts) for one in (quick, thorough))
+        assert [[(*said(one), one.at) for one in some] for some in found] == [  # type: ignore[misc]
+            [(*said(one), one.at) for one in some]
+            for some in expected  # type: ignore[misc]
+        ]
+    if any(len(t) for t, _ in reports):
+        until = quick.last + 30 * SECOND
+        assert quick.last.tolist() == thorough.last.tolist()
+        assert [(k, said(one)) for k, one in quick.silences(until)] == [
+            (k, said(one)) for k, one in thorough.silences(until)
+        ]
