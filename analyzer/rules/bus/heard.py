@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _MOST_GAPS = 256  # of a node, the latest
-_MOST_PARTS = 64  # of a node, in which they came: then these become one
 _NODE_BITS, _NODE = 7, 0x7F  # below the bus
 _AT_ONCE = 256  # times that are compared with them together
 
@@ -57,27 +57,28 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap, first as they came.
-    _new: list[Array] = field(default_factory=lambda: [np.empty((3, 0), np.int64)])
+    # Begin and end of the latest gaps, and the number of the frame before each, one gap after the other.
+    _gaps: array[int] = field(default_factory=lambda: array("q"))
     _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
 
     @property
     def gaps(self) -> Array:
         """Begin and end of the latest gaps, and the number of the frame before each: a column a gap."""
-        if len(self._new) > 1:
-            self._new = [np.concatenate(self._new, axis=1)[:, -_MOST_GAPS:].copy()]
-        return self._new[0]
+        latest = self._gaps[-3 * _MOST_GAPS :]  # a copy: what is looked at cannot grow
+        return np.frombuffer(latest, np.int64).reshape(-1, 3).T if latest else np.empty((3, 0), np.int64)
 
-    def add(self, gaps: Array) -> None:
-        """Note more gaps; the oldest ones are forgotten."""
-        self._new.append(gaps)
-        if self._lines or len(self._new) > _MOST_PARTS:
-            oldest = self.gaps[2, 0]
+    def add(self, gaps: array[int]) -> None:
+        """Note more gaps, one after the other; the oldest ones are forgotten."""
+        self._gaps.extend(gaps)
+        if len(self._gaps) > 6 * _MOST_GAPS:
+            del self._gaps[: -3 * _MOST_GAPS]
+        if self._lines:
+            oldest = self._gaps[max(len(self._gaps) - 3 * _MOST_GAPS, 0) + 2]
             self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
     def pause(self, until: int) -> None:
         """Note a gap from its last frame on."""
-        self.add(np.array([[self.t], [until], [self.number]], np.int64))
+        self.add(array("q", (self.t, until, self.number)))
         if self.lines:
             self._lines[self.number] = self.lines
 
@@ -161,9 +162,9 @@ class HeardNodes:
                 heard.pause(t)
             heard.t, heard.number, heard.lines = until, last, ()
             who.append(heard)
-        each = np.stack((gaps.since, gaps.until, gaps.row + start))
+        each = array("q", np.stack((gaps.since, gaps.until, gaps.row + start), axis=1).tobytes())
         for k, begin, end in spans(gaps.of):
-            who[k].add(each[:, begin:end].copy())
+            who[k].add(each[3 * begin : 3 * end])
 
 
 class HeardSessions:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, groups, usable
+from dissectors.kit import NO_TIME, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -100,24 +100,22 @@ class MalformedReports:
 
     def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
         """Note when reports began and ended, in their order."""
-        some = dict(groups(bus.astype(np.int64) << 8 | node))
-        for rows in sorted(some.values(), key=lambda rows: rows.item(0)):
-            self._note((bus.item(rows[0]), node.item(rows[0])), _rows(first[rows], last[rows]), least)
-
-    def _note(self, node: _Node, times: Iterator[tuple[int, ...]], least: int) -> None:
-        if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
-            return
-        known = self._stretches.setdefault(node, _Stretches(array("q"), array("q")))
-        since, until = (known.since.pop(), known.until.pop()) if known.since else next(times)
-        begins, ends = [], []
-        for first, last in times:
-            if since <= first <= until + least:
-                until = max(until, last)
-                continue
-            begins.append(since)
-            ends.append(until)
-            since, until = first, last
-        known.add([*begins, since], [*ends, until])
+        new: dict[_Node, tuple[list[int], list[int]]] = {}
+        for place, src, since, until in _rows(bus, node, first, last):
+            who = place, src
+            if who not in new:
+                if who not in self._stretches and len(self._stretches) >= MOST_UNITS:
+                    continue
+                known = self._stretches.setdefault(who, _Stretches(array("q"), array("q")))
+                new[who] = ([known.since.pop()], [known.until.pop()]) if known.since else ([since], [until])
+            begins, ends = new[who]
+            if begins[-1] <= since <= ends[-1] + least:
+                ends[-1] = max(ends[-1], until)
+            else:
+                begins.append(since)
+                ends.append(until)
+        for who, stretches in new.items():
+            self._stretches[who].add(*stretches)
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:

@@ -33,6 +33,11 @@ class _Switches:
         keys = bus.astype(np.int64) << 16 | which
         self._now = {(key >> 16, key & 0xFFFF): (number[at], on[at]) for key, at in groups(keys)}
 
+    @property
+    def off(self) -> bool:
+        """True if none is on, nor was in this batch."""
+        return not self._now and not any(self._before.values())
+
     def at(self, bus: int, which: int, number: Array) -> Array:
         """Return how one stands at some transfers."""
         before = self._before.get((bus, which), False)
@@ -58,6 +63,11 @@ class DrivenUnits:
         rows = np.flatnonzero(sound(table))
         driven = ~np.isin(table["control_mode"][rows], _RELEASED)
         self._units.feed(table.bus[rows], table["unit_id"][rows], table["transfer"][rows].astype(np.int64), driven)
+
+    @property
+    def none(self) -> bool:
+        """True if no unit is driven in this batch."""
+        return self._units.off
 
     def at(self, bus: int, index: int, number: Array) -> Array:
         """Return a mask of the transfers at which the unit of an ESC index is driven."""
@@ -101,6 +111,11 @@ class PwmPriority:
         said = priorities(view)
         transfer, bus, node, priority, _ = np.array(said, np.int64).T if said else (*_NOTHING, _NOTHING[0])
         self._nodes.feed(bus, node, transfer, priority == PWM)
+
+    @property
+    def none(self) -> bool:
+        """True if no node says so in this batch."""
+        return self._nodes.off
 
     def at(self, bus: int, node: int, number: Array) -> Array:
         """Return a mask of the transfers at which PWM has priority in a node."""
