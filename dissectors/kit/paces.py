@@ -194,7 +194,7 @@ class PacedReports:
         silent = [(k, self._silent(k, until.item(k), period)) for k, period in zip(some.tolist(), usual, strict=True)]
         return [(k, found) for k, found in silent if found is not None]
 
-    def settle(self, sender: int, t: Sequence[int], lost: Sequence[int]) -> None:
+    def settle(self, sender: int, t: Sequence[int] | Array, lost: Sequence[int] | Array) -> None:
         """Tell by the report behind the one that ended a break whether the pace changed; these are the first."""
         one = self._open.get(sender)
         if one is None or len(t) < 2:

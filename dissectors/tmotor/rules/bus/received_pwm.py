@@ -191,11 +191,12 @@ class ReceivedPwm(Rule):
         judged = fresh(t, command.t, timeout) & (command.cmd > 0) & (table["fault"][rows] == 0)
         judged &= (width >= _KNOWN[0]) & (width <= _KNOWN[1])
         judged &= packets.number < packets.each([self._clear(group) for group in groups_])
-        if not (self._priority.none and self._driven.none):
-            for group in groups_:
-                part, number = group.part, packets.number[group.part]
-                judged[part] &= ~self._priority.at(group.bus, group.node, number)
-                judged[part] &= ~self._driven.at(group.bus, group.index, number)
+        for group in groups_:
+            part = group.part
+            if not self._priority.never(group.bus, group.node):
+                judged[part] &= ~self._priority.at(group.bus, group.node, packets.number[part])
+            if not self._driven.never(group.bus, group.index):
+                judged[part] &= ~self._driven.at(group.bus, group.index, packets.number[part])
         wanted = command.cmd * 100 / FULL_THROTTLE
         near = np.abs(width - (_UAV + _RANGE * wanted / 100)) <= _STANDS
         low, high = self._lately(view, packets, (bus, index, t), (wanted, judged & ~near))

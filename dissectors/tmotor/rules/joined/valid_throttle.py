@@ -42,7 +42,8 @@ class CommandGaps(NamedTuple):
     def of(cls, sent: RawCommands) -> CommandGaps:
         """Return those of some."""
         longest = int((sent.t[1:] - sent.t[:-1]).max(initial=0))
-        return cls(sent.t.item(0), sent.t.item(-1), longest, (sent.cmd >= 0).all(axis=1).tolist())
+        valid = np.logical_and.reduce(sent.cmd >= 0, axis=1)
+        return cls(sent.t.item(0), sent.t.item(-1), longest, valid.tolist())
 
 
 class ValidThrottle:
