@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, usable
+from dissectors.kit import NO_TIME, by_key, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -100,22 +100,31 @@ class MalformedReports:
 
     def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
         """Note when reports began and ended, in their order."""
-        new: dict[_Node, tuple[list[int], list[int]]] = {}
-        for place, src, since, until in _rows(bus, node, first, last):
-            who = place, src
-            if who not in new:
-                if who not in self._stretches and len(self._stretches) >= MOST_UNITS:
-                    continue
-                known = self._stretches.setdefault(who, _Stretches(array("q"), array("q")))
-                new[who] = ([known.since.pop()], [known.until.pop()]) if known.since else ([since], [until])
-            begins, ends = new[who]
-            if begins[-1] <= since <= ends[-1] + least:
-                ends[-1] = max(ends[-1], until)
-            else:
-                begins.append(since)
-                ends.append(until)
-        for who, stretches in new.items():
-            self._stretches[who].add(*stretches)
+        if not len(bus):
+            return
+        order, begins = by_key(bus.astype(np.int64) << 8 | node)
+        since, until, leads = first[order].tolist(), last[order].tolist(), order[begins]
+        ends = [*begins[1:].tolist(), len(since)]
+        columns = (column.tolist() for column in (leads, begins, bus[leads], node[leads]))
+        for (_, begin, place, src), end in sorted(zip(zip(*columns, strict=True), ends, strict=True)):
+            self._note((place, src), since[begin:end], until[begin:end], least)
+
+    def _note(self, node: _Node, firsts: list[int], lasts: list[int], least: int) -> None:
+        known = self._stretches.get(node)
+        if known is None:
+            if len(self._stretches) >= MOST_UNITS:
+                return
+            known = self._stretches[node] = _Stretches(array("q"), array("q"))
+        since, until = (known.since.pop(), known.until.pop()) if known.since else (firsts[0], lasts[0])
+        begins, ends = [], []
+        for first, last in zip(firsts, lasts, strict=True):
+            if since <= first <= until + least:
+                until = max(until, last)
+                continue
+            begins.append(since)
+            ends.append(until)
+            since, until = first, last
+        known.add([*begins, since], [*ends, until])
 
 
 def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, sound
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, changes, sound
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, esc_reports
 from dissectors.tmotor.rules.packets.carried import (
@@ -142,14 +142,14 @@ class NeverAnswered(Rule):
         slots = t // _SLOT
         first = int(slots.min())
         who = bus.astype(np.int64) << 16 | node.astype(np.int64) << 8 | unit
-        for both in np.unique(who << _SLOT_BITS | slots - first).tolist():
-            key, slot = both >> _SLOT_BITS, (both & (1 << _SLOT_BITS) - 1) + first
-            one = key >> 16, key >> 8 & 0xFF, key & 0xFF
-            if one not in self._heard:
+        both = who << _SLOT_BITS | slots - first
+        for one in np.unique(both[changes(both, -1)]).tolist():
+            key, slot = one >> _SLOT_BITS, (one & (1 << _SLOT_BITS) - 1) + first
+            known = self._heard.get((key >> 16, key >> 8 & 0xFF, key & 0xFF))
+            if known is None:
                 if len(self._heard) >= MOST_UNITS:
                     continue
-                self._heard[one] = []
-            known = self._heard[one]
+                known = self._heard[key >> 16, key >> 8 & 0xFF, key & 0xFF] = []
             at = bisect_left(known, slot) if known and slot <= known[-1] else len(known)
             if known[at : at + 1] != [slot]:
                 known.insert(at, slot)
