@@ -38,3 +38,23 @@ def test_the_oldest_stretches_of_a_node_become_one() -> None:
     assert len(without) == 1025
     assert without[:3] == [(0, 0), (97_610, 97_700), (97_710, 97_800)]
     assert without[-1] == (199_910, 200_000)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_stretches_of_many_nodes_are_those_of_each(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    reports, expected = MalformedReports(), dict[tuple[int, int], list[list[int]]]()
+    for _ in range(4):
+        bus, node = chance.integers(0, 2, 50).astype(np.uint8), chance.integers(1, 4, 50)
+        first = chance.integers(0, 3000, 50)
+        last = first + chance.integers(0, 30, 50)
+        reports._note_all(bus, node, first, last, 20)
+        for *who, since, until in zip(*(column.tolist() for column in (bus, node, first, last)), strict=True):
+            known = expected.setdefault((who[0], who[1]), [])
+            if known and known[-1][0] <= since <= known[-1][1] + 20:
+                known[-1][1] = max(known[-1][1], until)
+            else:
+                known.append([since, until])
+    found = {who: [list(one) for one in zip(*known, strict=True)] for who, known in reports._stretches.items()}
+    assert found == expected
+    assert list(found) == list(expected)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dissectors.kit import MILLISECOND, SECOND, Break, PacedReports
+from dissectors.kit.paces import _before
 
 STEADY, ROUNDS, HOLES, CHANCE = range(4)
 REPORTS = st.lists(
@@ -120,3 +121,13 @@ def test_who_is_not_looked_at_has_no_break(kinds: Any, data: st.DataObject) -> N
         assert [(k, said(one)) for k, one in quick.silences(until)] == [
             (k, said(one)) for k, one in thorough.silences(until)
         ]
+
+
+def test_a_round_began_with_the_last_report_that_begins_one() -> None:
+    begins = np.random.default_rng(1).random((15, 40)) < 0.4
+    found = _before(begins)
+    for window in range(40):
+        last = 0
+        for place in range(15):
+            assert found[place, window] == last * 40 + window
+            last = place + 1 if begins[place, window] else last
