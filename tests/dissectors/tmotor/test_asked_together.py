@@ -48,9 +48,7 @@ class Batch:
         cmd = pa.array(lists, pa.list_(pa.int16()))
         self._tables = {
             "ESCStatus": table("ESCStatus", {**common, **own}, ~commanded, first),
-            "RawCommand": table(
-                "RawCommand", {**common, "cmd": pa.array(lists, pa.list_(pa.int16()))}, commanded, first
-            ),
+            "RawCommand": table("RawCommand", {**common, "cmd": cmd}, commanded, first),
         }
         ends = pa.record_batch({"t_end": pa.array(t + 5, pa.timestamp("ns"))})
         self.transfers, self.start = TransferTable(ends, first), 0
