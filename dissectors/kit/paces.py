@@ -148,10 +148,7 @@ class PacedReports:
         new = NewReports(senders, size, t, lost)
         begun = self.first[senders]
         self.first[senders] = np.where(begun == NO_TIME, t[new.start], begun)
-        for k in self._waiting(senders):
-            (last,), (before,) = (column[:, -1] for column in self.kept.take(senders[k : k + 1]))
-            at = new.start.item(k)
-            self.settle(senders.item(k), (last, t[at]), (before, lost[at]))
+        self._settle_waiting(new)
         some = self._may_break(new)
         if not len(some):
             self.kept.add(new)
@@ -205,12 +202,16 @@ class PacedReports:
             self.usual[sender] = took
         del self._open[sender]
 
-    def _waiting(self, senders: Array) -> list[int]:
-        """Return the places of senders with a break of which it is not known whether the pace changed."""
+    def _settle_waiting(self, new: NewReports) -> None:
+        """Settle the breaks of which it was not known before these reports whether the pace changed."""
         if not self._open:
-            return []
-        waiting: list[int] = np.flatnonzero(np.isin(senders, list(self._open))).tolist()
-        return waiting
+            return
+        places = np.flatnonzero(np.isin(new.senders, list(self._open)))
+        senders, first = new.senders[places], new.start[places]
+        t, lost = self.kept.take(senders)
+        columns = senders, t[:, -1], new.t[first], lost[:, -1], new.lost[first]
+        for sender, last, since, before, gone in zip(*(column.tolist() for column in columns), strict=True):
+            self.settle(sender, (last, since), (before, gone))
 
     def end(self, sender: int, found: Break) -> None:
         """Begin anew behind a break."""

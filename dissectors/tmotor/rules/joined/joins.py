@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, by_key, usable
+from dissectors.kit import NO_TIME, by_key, frames_of, usable
 from dissectors.kit.order import spans
 from dissectors.records import dataclass
 
@@ -25,6 +25,7 @@ MOST_UNITS = 4096  # of bus, node and index that are remembered
 NO_CHANNEL = -32768  # no 14-bit number
 FULL_THROTTLE = 8191  # 4.4.1
 _INDEXES = 32
+Evidence = tuple[tuple[int, ...], tuple[str, ...]]  # numbers of frames, and how candump writes them
 
 
 class ReportingEsc(NamedTuple):
@@ -127,6 +128,7 @@ class InForce(NamedTuple):
 
 _reports: WeakKeyDictionary[View, EscReports | None] = WeakKeyDictionary()
 _units: WeakKeyDictionary[View, Mapping[ReportingEsc, Array]] = WeakKeyDictionary()
+_last_reports: WeakKeyDictionary[View, Mapping[ReportingEsc, Evidence]] = WeakKeyDictionary()
 _commands: WeakKeyDictionary[View, Mapping[int, RawCommands]] = WeakKeyDictionary()
 # What was in force at rows, which are kept with it, so that their number stays their own.
 _forced: WeakKeyDictionary[View, dict[tuple[object, ...], tuple[Array, InForce]]] = WeakKeyDictionary()
@@ -148,6 +150,22 @@ def units(view: View) -> Mapping[ReportingEsc, Array]:
         parts = () if some is None else zip(some.escs, some.parts, strict=True)
         _units[view] = {} if some is None else {esc: some.rows[part] for esc, part in parts}
     return _units[view]
+
+
+def last_reports(view: View) -> Mapping[ReportingEsc, Evidence]:
+    """Return the frames of the last usable ESCStatus of each ESC, with their lines; several rules keep them."""
+    if view not in _last_reports:
+        reports = esc_reports(view)
+        last = [] if reports is None else reports.rows[reports.first[1:] - 1].tolist()
+        escs = () if reports is None else zip(reports.escs, last, strict=True)
+        _last_reports[view] = {esc: evidence(view, reports.table, row) for esc, row in escs if reports is not None}
+    return _last_reports[view]
+
+
+def evidence(view: View, table: DecodedTable, row: int) -> Evidence:
+    """Return the frames of a row, with their lines."""
+    frames = frames_of(view, table, row)
+    return frames, view.lines(frames)
 
 
 def commands(view: View) -> Mapping[int, RawCommands]:
