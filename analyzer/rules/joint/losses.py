@@ -111,9 +111,10 @@ class JointLossSearch:
                 self._open[bus] = _Waiting(lacks.take(late), told[late], known[late])
         return _joined(found)
 
-    def _told(self, view: View, bus: int, lacks: LackRows, which: tuple[Array, Array]) -> Iterator[JointLosses]:
+    def _told(self, view: View, bus: int, lacks: LackRows, masks: tuple[Array, Array]) -> Iterator[JointLosses]:
         """Yield what is joint of those that are due, among those of sessions that are known."""
-        due, fit = which[0], which[1] & ~lacks.void
+        due, known = masks
+        fit = known & ~lacks.void
         joint = self._joint(bus, lacks, np.flatnonzero(fit))
         again = self._repeats.among(lacks, joint.which)
         if again.any():
