@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.kit.kept_reports import KEPT, MEMORY, KeptReports, NewReports
 from dissectors.records import dataclass
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dissectors.kit.array import Array
 
-MEMORY = 15  # periods that say what is usual
-_KEPT = MEMORY + 1  # reports, between which they are
 _ROUND = 16  # reports this many times closer than the longest period are one round
 _MANY = 8  # rounds that may be as irregular as a bad bus makes them:
 _MOSTLY, _SHORT, _LONG = 0.8, 0.65, 1.5  # so many periods lie within these shares of the usual one
@@ -31,35 +32,35 @@ _TOGETHER = 1 << 11  # times of all senders that cost no more than fewer do
 _AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
-def _periods(t: Array, lost: Array, first: Array, last: Array, fewest: int) -> Array:
+def _periods(times: Array, lost: Array, fewest: int) -> Array:
     """Return the period of the reports of each window in ns, 0.0 if they are too few or not at a steady pace.
 
-    Window `k` is from `first[k]` to `last[k]`, of which the last `MEMORY` periods count. `lost` counts the reports that
-    were lost up to each, which is why they may not be steady. Several that come close together, such as those of a
-    sender with several indexes, are one round.
+    A window is a column of times, of which the last `MEMORY` periods count; where it has fewer the first one is
+    repeated. `lost` counts the reports that were lost up to each, which is why they may not be steady. Several that
+    come close together, such as those of a sender with several indexes, are one round.
     """
-    at = np.maximum(last + np.arange(-MEMORY, 1)[:, None], first)  # a row each place in the window
-    times = t[at]
     took = (times[1:] - times[:-1]).astype(np.float64)  # 0 in front of the window
     begins = took > took.max(axis=0) / _ROUND
     count = begins.sum(axis=0)
-    rounds = _rounds(times, begins, np.inf)
+    before = _before(begins)
+    rounds = np.where(begins, times[1:] - times.ravel().take(before), np.inf)
     found = _steady(rounds, count)
-    missed = np.flatnonzero((found == 0) & (lost[at[-1]] > lost[at[0]]))
+    missed = np.flatnonzero((found == 0) & (lost[-1] > lost[0]))
     if len(missed):
-        gone = _rounds(lost[at[:, missed]], begins[:, missed], 0.0)
+        gone = np.where(begins, lost[1:] - lost.ravel().take(before), 0.0)[:, missed]
         found[missed] = _steady(rounds[:, missed] / (1 + gone), count[missed])
     found[count + 1 < max(fewest, 2)] = 0.0
     return found
 
 
-def _rounds(values: Array, begins: Array, rest: float) -> Array:
-    """Return how far each round of a window goes, a row each place, a column each window; the rest begins none."""
-    rounds, before = np.empty(begins.shape), values[0]
-    for found, value, begin in zip(rounds, values[1:], begins, strict=True):
-        found[:] = np.where(begin, value - before, rest)
-        before = np.where(begin, value, before)
-    return rounds
+def _before(begins: Array) -> Array:
+    """Return of each place in a window, a row each, where the round in front of it began, as places in all windows."""
+    count, windows = begins.shape
+    last = np.zeros(begins.shape, np.int64)
+    np.multiply(begins[:-1], np.arange(windows, count * windows, windows)[:, None], out=last[1:])
+    np.maximum.accumulate(last, axis=0, out=last)
+    last += np.arange(windows)
+    return last
 
 
 def _steady(rounds: Array, count: Array) -> Array:
@@ -122,17 +123,13 @@ class PacedReports:
         self.least, self.periods, self.fewest, self.span = least, periods, fewest, span
         self.first = np.empty(0, np.int64)  # the first report since the last break
         self.usual = np.empty(0)  # the period before the pace changed last
-        # Reports since then, at most `_KEPT`: how many, and their times and losses, which end where a row ends.
-        self.count = np.empty(0, np.int64)
-        self.t = np.empty((0, _KEPT), np.int64)
-        self.lost = np.empty((0, _KEPT), np.int64)
+        self.kept = KeptReports()  # since then
         self._open: dict[int, Break] = {}
 
     @property
     def last(self) -> Array:
         """The time of the last report of each."""
-        found: Array = self.t[:, -1]
-        return found
+        return self.kept.last
 
     def feed(self, senders: Array, size: Array, t: Array, lost: Array) -> list[tuple[int, Break]]:
         """Add reports of some senders, one sender after the other; return the breaks between them.
@@ -148,19 +145,53 @@ class PacedReports:
         if not len(senders):
             return []
         self._make_room(int(senders.max()) + 1)
-        return _Reports(self, senders, size, t, lost).breaks()
+        new = NewReports(senders, size, t, lost)
+        begun = self.first[senders]
+        self.first[senders] = np.where(begun == NO_TIME, t[new.start], begun)
+        self._settle_waiting(new)
+        some = self._may_break(new)
+        if not len(some):
+            self.kept.add(new)
+            return []
+        asked, others = new.split(some)
+        found = _Reports(self, asked).breaks()
+        if len(others.senders):
+            self.kept.add(others)
+        return [(some.item(k), one) for k, one in found]
+
+    def _may_break(self, new: NewReports) -> Array:
+        """Return the places of senders with what may be a break, as `_Reports` finds out: mostly nobody pauses.
+
+        Their new reports are written down, if they are not too many.
+        """
+        kept, took = self.kept, self.kept.took(new)
+        kept.write(new, many=False)
+        may, long = np.zeros(len(new.senders), bool), np.flatnonzero(took > self.least)
+        of = new.of[long]
+        who, place = new.senders[of], long - new.start[of]
+        lasted = new.t[long] - took[long] - self.first[who] >= self.span
+        count = kept.count[who] + place
+        paced = lasted & (count >= self.fewest)
+        known = (self.usual[who] != 0) | (paced & (new.size[of] > KEPT))
+        may[of[known]] = True
+        asked = np.flatnonzero(paced & ~known)
+        for at in range(0, len(asked), _AT_ONCE):
+            some = asked[at : at + _AT_ONCE]
+            usual = _periods(*kept.before(who[some], place[some], count[some]), self.fewest)
+            may[of[some[(usual != 0) & (took[long[some]] > self.periods * usual)]]] = True
+        return np.flatnonzero(may)
 
     def silences(self, until: Array) -> list[tuple[int, Break]]:
         """Return the breaks that last until now, each with its sender; `until` is that time for each of all."""
-        some = np.flatnonzero((self.count > 0) & (until - self.last > self.least))
+        some = np.flatnonzero((self.kept.count > 0) & (until - self.last > self.least))
         if not len(some):
             return []
         none = np.empty(0, np.int64)
-        usual = _Reports(self, some, np.zeros(len(some), np.int64), none, none).usual()
+        usual = _Reports(self, NewReports(some, np.zeros(len(some), np.int64), none, none)).usual()
         silent = [(k, self._silent(k, until.item(k), period)) for k, period in zip(some.tolist(), usual, strict=True)]
         return [(k, found) for k, found in silent if found is not None]
 
-    def settle(self, sender: int, t: Array, lost: Array) -> None:
+    def settle(self, sender: int, t: Sequence[int] | Array, lost: Sequence[int] | Array) -> None:
         """Tell by the report behind the one that ended a break whether the pace changed; these are the first."""
         one = self._open.get(sender)
         if one is None or len(t) < 2:
@@ -171,9 +202,16 @@ class PacedReports:
             self.usual[sender] = took
         del self._open[sender]
 
-    def waiting(self, senders: Array) -> list[int]:
-        """Return the places of senders with a break of which it is not known whether the pace changed."""
-        return [k for k, sender in enumerate(senders.tolist()) if sender in self._open] if self._open else []
+    def _settle_waiting(self, new: NewReports) -> None:
+        """Settle the breaks of which it was not known before these reports whether the pace changed."""
+        if not self._open:
+            return
+        places = np.flatnonzero(np.isin(new.senders, list(self._open)))
+        senders, first = new.senders[places], new.start[places]
+        t, lost = self.kept.take(senders)
+        columns = senders, t[:, -1], new.t[first], lost[:, -1], new.lost[first]
+        for sender, last, since, before, gone in zip(*(column.tolist() for column in columns), strict=True):
+            self.settle(sender, (last, since), (before, gone))
 
     def end(self, sender: int, found: Break) -> None:
         """Begin anew behind a break."""
@@ -189,39 +227,33 @@ class PacedReports:
         return Break(last, now, float(usual), -1, lowered=False)
 
     def _make_room(self, count: int) -> None:
-        more = count - len(self.count)
+        more = count - len(self.first)
         if more > 0:
             self.first = np.append(self.first, np.full(more, NO_TIME))
             self.usual = np.append(self.usual, np.zeros(more))
-            self.count = np.append(self.count, np.zeros(more, np.int64))
-            room = np.zeros((more, _KEPT), np.int64)
-            self.t, self.lost = np.concatenate((self.t, room)), np.concatenate((self.lost, room))
+            self.kept.make_room(more)
 
 
 class _Reports:
     """New reports of many senders, each with those before them that count: one sender after the other."""
 
-    def __init__(self, paced: PacedReports, senders: Array, size: Array, t: Array, lost: Array) -> None:
-        self._paced, self._senders = paced, senders
-        old = paced.count[senders]
+    def __init__(self, paced: PacedReports, new: NewReports) -> None:
+        self._paced, self._senders, size = paced, new.senders, new.size
+        old = paced.kept.count[new.senders]
         self.stop = np.cumsum(old + size)
         self.start = self.stop - size - old
         self.new = self.stop - size
-        self._of = np.repeat(np.arange(len(senders)), old + size)
-        known = np.arange(_KEPT) >= _KEPT - old[:, None]
-        fresh = np.repeat(np.tile((False, True), len(senders)), np.stack((old, size), axis=1).ravel())
+        self._of = np.repeat(np.arange(len(old)), old + size)
+        known = np.arange(KEPT) >= KEPT - old[:, None]
+        fresh = np.repeat(np.tile((False, True), len(old)), np.stack((old, size), axis=1).ravel())
         self.t, self.lost = np.empty((2, len(fresh)), np.int64)
-        for column, before, new in ((self.t, paced.t, t), (self.lost, paced.lost, lost)):
-            column[fresh], column[~fresh] = new, before[senders][known]
+        columns = zip((self.t, self.lost), paced.kept.take(new.senders), (new.t, new.lost), strict=True)
+        for column, before, more in columns:
+            column[fresh], column[~fresh] = more, before[known]
 
     def breaks(self) -> list[tuple[int, Break]]:
         """Return the breaks of each sender, with its place."""
         paced, senders = self._paced, self._senders
-        begun = paced.first[senders]
-        paced.first[senders] = np.where(begun == NO_TIME, self.t[self.start], begun)
-        for k in paced.waiting(senders):
-            here = slice(max(self.new.item(k) - 1, self.start.item(k)), self.stop.item(k))
-            paced.settle(senders.item(k), self.t[here], self.lost[here])
         found: list[tuple[int, Break]] = []
         least = max(_AHEAD, min(_TOGETHER // len(self.start), _MOST_AHEAD))
         begin, ahead = self.start.copy(), np.full(len(self.start), least)
@@ -241,9 +273,8 @@ class _Reports:
             ahead = np.where(over, least, np.minimum(2 * ahead, _MOST_AHEAD))
             left = np.where(over[of], rows >= begin[of], ~next_)
             rows, short = rows[left], short[left]
-        paced.count[senders] = np.minimum(self.stop - begin, _KEPT)
-        last = np.maximum(self.stop[:, None] + np.arange(-_KEPT, 0), 0)
-        paced.t[senders], paced.lost[senders] = self.t[last], self.lost[last]
+        last = np.maximum(self.stop[:, None] + np.arange(-KEPT, 0), 0)
+        paced.kept.put(senders, np.minimum(self.stop - begin, KEPT), self.t[last], self.lost[last])
         return sorted(found, key=itemgetter(0))
 
     def _first_breaks(self, rows: Array, short: Array, begin: Array) -> list[tuple[int, float]]:
@@ -260,8 +291,6 @@ class _Reports:
         """Return what may be breaks, and whether each is too short to be one behind many reports at a pace."""
         numbers, took = self._paced, np.diff(self.t, append=self.t[-1])
         took[self.stop - 1] = 0
-        if not (took > numbers.least).any():  # mostly nobody pauses
-            return np.zeros(0, np.int64), np.zeros(0, bool)
         of = self._of
         gone = np.diff(self.lost, append=self.lost[-1])
         gone[self.stop - 1] = 0
@@ -296,5 +325,6 @@ class _Reports:
         asked = np.flatnonzero(lasted & ~(short & (rows - begin >= MEMORY)) & (rows - begin + 1 >= numbers.fewest))
         for at in range(0, len(asked), _AT_ONCE):
             some = asked[at : at + _AT_ONCE]
-            usual[some] = _periods(self.t, self.lost, begin[some], rows[some], numbers.fewest)
+            places = np.maximum(rows[some] + np.arange(-MEMORY, 1)[:, None], begin[some])
+            usual[some] = _periods(self.t[places], self.lost[places], numbers.fewest)
         return usual

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -12,11 +13,51 @@ from dissectors.kit.rows import usable
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
+    from dissectors.kit.tables import DecodedTable
     from dissectors.kit.view import View
 
 _MOST = 4096
 _AROUND = SECOND  # uptimes are whole seconds
 _EVERY_NODE = -1
+
+
+class _Uptimes(NamedTuple):
+    """What nodes tell in a batch, in the order in which they are heard: the first uptime of each and the last one.
+
+    `row` is where the first one stands, `fell` where one is lower than the one of that node before.
+    """
+
+    nodes: list[tuple[int, int]]
+    row: list[int]
+    first: list[int]
+    last: list[int]
+    fell: list[list[int]]
+
+
+_known: WeakKeyDictionary[DecodedTable, _Uptimes] = WeakKeyDictionary()
+
+
+def _uptimes(status: DecodedTable) -> _Uptimes:
+    """Return the uptimes of a batch; several rules ask."""
+    if status not in _known:
+        rows = np.flatnonzero(usable(status) & (status.t != NO_TIME))
+        order, first = by_key(status.bus[rows].astype(np.int64) << 8 | status.src[rows])
+        uptime = status["uptime_sec"][rows[order]].astype(np.int64)
+        lower = np.zeros(len(rows), bool)
+        np.less(uptime[1:], uptime[:-1], out=lower[1:])
+        lower[first] = False
+        fell: list[list[int]] = [[] for _ in first]
+        at = np.flatnonzero(lower)
+        for k, row in zip((np.searchsorted(first, at, "right") - 1).tolist(), rows[order[at]].tolist(), strict=True):
+            fell[k].append(row)
+        heard = np.argsort(order[first], kind="stable")
+        begins, ends = first[heard], (np.append(first[1:], len(rows)) - 1)[heard]
+        leads = rows[order[begins]]
+        _known[status] = _Uptimes(
+            list(zip(status.bus[leads].tolist(), status.src[leads].tolist(), strict=True)), leads.tolist(),
+            uptime[begins].tolist(), uptime[ends].tolist(), [fell[k] for k in heard.tolist()],
+        )  # fmt: skip
+    return _known[status]
 
 
 class Starts:
@@ -31,24 +72,16 @@ class Starts:
         status = view.table("uavcan.protocol.NodeStatus")
         if status is None:
             return
-        rows = np.flatnonzero(usable(status) & (status.t != NO_TIME))
-        t, uptime = status.t[rows], status["uptime_sec"][rows].astype(np.int64)
-        bus, node = status.bus[rows].astype(np.int64), status.src[rows].astype(np.int64)
-        order, first = by_key(bus << 8 | node)
-        if not len(order):
-            return
-        ordered, of = uptime[order], list(zip(bus[order[first]].tolist(), node[order[first]].tolist(), strict=True))
-        before = np.roll(ordered, 1)
-        before[first] = [self._uptimes.get(who, 0) for who in of]
-        ends, fell = np.append(first[1:], len(order)), ordered < before
-        for k in np.argsort(order[first], kind="stable").tolist():
-            if of[k] in self._uptimes or len(self._uptimes) < _MOST:
-                self._uptimes[of[k]] = ordered.item(ends.item(k) - 1)
-            else:
-                fell[first[k] : ends[k]] = False
-        for row in np.sort(order[fell]).tolist():
-            at = t.item(row)
-            self.add(at - uptime.item(row) * SECOND, bus.item(row), node.item(row), at)
+        fallen: list[int] = []
+        for node, row, first, last, fell in zip(*_uptimes(status), strict=True):
+            if node in self._uptimes or len(self._uptimes) < _MOST:
+                if first < self._uptimes.get(node, 0):
+                    fallen.append(row)
+                fallen += fell
+                self._uptimes[node] = last
+        for row in sorted(fallen):
+            at, uptime = status.t.item(row), int(status["uptime_sec"][row])
+            self.add(at - uptime * SECOND, status.bus.item(row), status.src.item(row), at)
 
     def add(self, t: int, bus: int, node: int = _EVERY_NODE, told: int | None = None) -> None:
         """Note that a node, or every one of a bus, began something new."""

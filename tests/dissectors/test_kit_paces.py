@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dissectors.kit import MILLISECOND, SECOND, Break, PacedReports
+from dissectors.kit.paces import _before
 
 STEADY, ROUNDS, HOLES, CHANCE = range(4)
 REPORTS = st.lists(
@@ -91,3 +92,42 @@ def test_several_close_together_are_one_round() -> None:
     assert [(one.start, one.stop, one.period) for one in found] == [
         (8 * SECOND + 3 * MILLISECOND, 20 * SECOND, float(SECOND))
     ]
+
+
+class Thorough(PacedReports):
+    """Looks at all reports of all senders, as if each might have a break."""
+
+    def _may_break(self, new: Any) -> Any:
+        super()._may_break(new)
+        return np.arange(len(new.senders))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(REPORTS, min_size=1, max_size=5), st.data())
+def test_who_is_not_looked_at_has_no_break(kinds: Any, data: st.DataObject) -> None:
+    reports = [made(one) for one in kinds]
+    size = data.draw(st.integers(1, 40))
+    quick, thorough = paced(), Thorough(100 * MILLISECOND, 5, 4, 2 * SECOND)
+    for first in range(0, max(len(t) for t, _ in reports), size):
+        parts = [(t[first : first + size], lost[first : first + size]) for t, lost in reports]
+        found, expected = (breaks(one, parts) for one in (quick, thorough))
+        assert [[(*said(one), one.at) for one in some] for some in found] == [  # type: ignore[misc]
+            [(*said(one), one.at) for one in some]
+            for some in expected  # type: ignore[misc]
+        ]
+    if any(len(t) for t, _ in reports):
+        until = quick.last + 30 * SECOND
+        assert quick.last.tolist() == thorough.last.tolist()
+        assert [(k, said(one)) for k, one in quick.silences(until)] == [
+            (k, said(one)) for k, one in thorough.silences(until)
+        ]
+
+
+def test_a_round_began_with_the_last_report_that_begins_one() -> None:
+    begins = np.random.default_rng(1).random((15, 40)) < 0.4
+    found = _before(begins)
+    for window in range(40):
+        last = 0
+        for place in range(15):
+            assert found[place, window] == last * 40 + window
+            last = place + 1 if begins[place, window] else last

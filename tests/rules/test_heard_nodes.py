@@ -9,10 +9,9 @@ from analyzer.rules.bus.heard import Gap, HeardNode
 
 def heard(*gaps: tuple[int, int]) -> HeardNode:
     """Return a node with gaps, each behind the frame with its place as number."""
-    node = HeardNode(0, 0)
+    node = HeardNode()
     for number, (begin, end) in enumerate(gaps):
-        node.t, node.number = begin, number
-        node.pause(end)
+        node.pause(Gap(begin, end, number))
     return node
 
 
@@ -22,7 +21,7 @@ def test_the_longest_gap_between_two_times_is_found() -> None:
     begins, ends = node.longest(start, stop)
     assert begins.tolist() == [30, 10, 80, 30, 19]
     assert ends.tolist() == [70, 20, 100, 30, 19]
-    none = HeardNode(0, 0).longest(start, stop)
+    none = HeardNode().longest(start, stop)
     assert none[0].tolist() == none[1].tolist() == stop.tolist()
 
 
@@ -38,13 +37,15 @@ def test_many_questions_at_once_have_the_same_answers() -> None:
 
 
 def test_the_oldest_gaps_are_forgotten_with_their_lines() -> None:
-    node = HeardNode(0, 0, ("first",))
-    node.pause(1)
+    node = HeardNode()
+    node.pause(Gap(0, 1, 0, ("first",)))
     assert node.between(0, 1) == [Gap(0, 1, 0, ("first",))]
     for k in range(1, 300):
-        node.t, node.number, node.lines = 10 * k, k, ("line",) if k == 299 else ()
-        node.pause(10 * k + 5)
+        node.pause(Gap(10 * k, 10 * k + 5, k, ("line",) if k == 299 else ()))
     kept = node.between(0, 10_000)
     assert (len(kept), kept[0].start, kept[-1].lines) == (256, 440, ("line",))
-    node.t, node.number, node.lines = 0, 0, ()
-    assert node.between(0, 1) == []
+    node.pause(Gap(0, 1, 0))
+    assert node.between(0, 1) == [Gap(0, 1, 0)]
+    for k in range(1000):
+        node.pause(Gap(k, k + 1, k))
+        assert len(node.gaps[0]) == 256

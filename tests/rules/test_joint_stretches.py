@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from analyzer._native import joint
 from analyzer.decode.sent import cells
+from analyzer.rules.joint.losses import _together
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -79,3 +80,10 @@ def test_columns_that_do_not_fit_are_refused() -> None:
     one, two, node = np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(1, np.uint8)
     with pytest.raises(ValueError, match="do not fit together"):
         joint((one, two, one, one, one, node), APART, NEARBY)
+
+
+@pytest.mark.parametrize("rows", [[], [0], [4, 5, 6], [4, 6, 7], [0, 2]])
+def test_rows_that_follow_each_other_are_a_slice(rows: list[int]) -> None:
+    found = _together(np.array(rows, np.int64))
+    assert np.arange(9)[found].tolist() == rows
+    assert isinstance(found, slice) == (rows in ([0], [4, 5, 6]))

@@ -33,8 +33,9 @@ class Allocations(Rule):
         table = view.table(ALLOCATION)
         if table is None:
             return
+        begins, every = table.lists("unique_id")
         for row in np.flatnonzero(table.trusted).tolist():
-            unique = bytes(table.cell("unique_id", row) or b"")
+            unique = every[begins.item(row) : begins.item(row + 1)].tobytes()
             bus, src, node = int(table.bus[row]), int(table.src[row]), int(table["node_id"][row])
             about = (int(table.t[row]), bus, src or None, ALLOCATION, tuple(view.transfers.frames(int(table.row[row]))))
             if src and node and len(unique) == _ID_BYTES:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _OPERATIONAL, _INITIALIZATION = 0, 1
 _CRITICAL = 3
+_NOT_OPERATIONAL = np.isin(np.arange(1 << 8), [mode for mode in MODES if mode != _OPERATIONAL])  # by mode
 
 
 @rule("BUS-022")
@@ -25,7 +26,7 @@ def health(view: View) -> Iterator[Occurrences | Occurrence]:
     if table is None:
         return
     codes, modes = table["health"], table["mode"]
-    bad = table.trusted & ((codes > 0) | (np.isin(modes, list(MODES)) & (modes != _OPERATIONAL)))
+    bad = table.trusted & ((codes > 0) | _NOT_OPERATIONAL[modes])
     if not bad.any():
         return
 

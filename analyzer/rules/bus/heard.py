@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,18 +10,17 @@ import numpy as np
 from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
-from dissectors.kit import groups
+from dissectors.kit import NO_TIME, groups
 from dissectors.kit.order import spans
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator, Mapping
 
     from analyzer.rules.bus.sessions import BusFrames
-    from dissectors.kit import Array, FrameTable
+    from dissectors.kit import Array, FrameTable, View
 
 _MOST_GAPS = 256  # of a node, the latest
-_MOST_PARTS = 64  # of a node, in which they came: then these become one
 _NODE_BITS, _NODE = 7, 0x7F  # below the bus
 _AT_ONCE = 256  # times that are compared with them together
 
@@ -52,34 +52,32 @@ class Gap(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class HeardNode:
-    """A node: its last frame, and when it was not heard."""
+    """When a node was not heard: begin and end of its latest gaps, and the frame before each."""
 
-    t: int
-    number: int
-    lines: tuple[str, ...] = ()
-    # Begin and end of the latest gaps, and the number of the frame before each: a column a gap, first as they came.
-    _new: list[Array] = field(default_factory=lambda: [np.empty((3, 0), np.int64)])
-    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)  # of such a frame, if it is old
+    # Begin, end and number of the frame before, one gap after the other; lines of such a frame, if it is old.
+    _gaps: array[int] = field(default_factory=lambda: array("q"))
+    _lines: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def gaps(self) -> Array:
         """Begin and end of the latest gaps, and the number of the frame before each: a column a gap."""
-        if len(self._new) > 1:
-            self._new = [np.concatenate(self._new, axis=1)[:, -_MOST_GAPS:].copy()]
-        return self._new[0]
+        latest = self._gaps[-3 * _MOST_GAPS :]  # a copy: what is looked at cannot grow
+        return np.frombuffer(latest, np.int64).reshape(-1, 3).T if latest else np.empty((3, 0), np.int64)
 
-    def add(self, gaps: Array) -> None:
-        """Note more gaps; the oldest ones are forgotten."""
-        self._new.append(gaps)
-        if self._lines or len(self._new) > _MOST_PARTS:
-            oldest = self.gaps[2, 0]
+    def add(self, gaps: array[int]) -> None:
+        """Note more gaps, one after the other; the oldest ones are forgotten."""
+        self._gaps.extend(gaps)
+        if len(self._gaps) > 6 * _MOST_GAPS:
+            del self._gaps[: -3 * _MOST_GAPS]
+        if self._lines:
+            oldest = self._gaps[max(len(self._gaps) - 3 * _MOST_GAPS, 0) + 2]
             self._lines = {number: lines for number, lines in self._lines.items() if number >= oldest}
 
-    def pause(self, until: int) -> None:
-        """Note a gap from its last frame on."""
-        self.add(np.array([[self.t], [until], [self.number]], np.int64))
-        if self.lines:
-            self._lines[self.number] = self.lines
+    def pause(self, gap: Gap) -> None:
+        """Note a gap."""
+        self.add(array("q", gap[:3]))
+        if gap.lines:
+            self._lines[gap.number] = gap.lines
 
     def between(self, start: int, stop: int) -> list[Gap]:
         """Return the gaps between two times."""
@@ -119,10 +117,27 @@ class HeardNodes:
     def __init__(self, least: int) -> None:
         self._least = least
         self._nodes: dict[tuple[int, int], HeardNode] = {}
+        # Time and number of the last frame of each node, by bus and node in one number; its lines, if it is old.
+        self._t: Array = np.empty(0, np.int64)
+        self._number: Array = np.empty(0, np.int64)
+        self._lines: dict[int, tuple[str, ...]] = {}
 
-    def all(self) -> Iterable[tuple[int, HeardNode]]:
-        """Return all nodes, each with its bus."""
-        return [(bus, heard) for (bus, _), heard in self._nodes.items()]
+    def keep_lines(self, view: View) -> None:
+        """Keep the last frames of nodes that are silent: they may be gone when that is told."""
+        for code in np.flatnonzero((self._t != NO_TIME) & (self._number < view.frames.first)).tolist():
+            if code not in self._lines:
+                self._lines[code] = view.lines((self._number.item(code),))
+
+    def finish(self, ends: Mapping[int, int]) -> None:
+        """Note what is silent up to when each bus was heard last."""
+        for (bus, node), heard in self._nodes.items():
+            t, number, lines = self._last(bus << _NODE_BITS | node)
+            end = ends.get(bus, t)
+            if end - t > self._least:
+                heard.pause(Gap(t, end, number, lines))
+
+    def _last(self, code: int) -> tuple[int, int, tuple[str, ...]]:
+        return self._t.item(code), self._number.item(code), self._lines.get(code, ())
 
     def gaps(self, bus: int, node: int, start: int, stop: int) -> list[Gap]:
         """Return when a node was not heard between two times."""
@@ -140,7 +155,8 @@ class HeardNodes:
         for key, some in groups(bus.astype(np.int64) << _NODE_BITS | node):
             heard = self._nodes.get((key >> _NODE_BITS, key & _NODE))
             if heard is not None:
-                last = (heard.t <= t[some]) & (end - heard.t > self._least)
+                since = self._t.item(key)
+                last = (since <= t[some]) & (end - since > self._least)
                 found[some] = last | heard.silent(t[some])
         return found
 
@@ -151,19 +167,24 @@ class HeardNodes:
 
     def _add(self, bus: int, start: int, ours: BusFrames) -> None:
         gaps, nodes = ours.gaps(self._least, _MOST_GAPS), ours.nodes
-        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last + start
-        who = []
-        for node, t, until, last in zip(*(column.tolist() for column in columns), strict=True):
-            heard = self._nodes.get((bus, node))
-            if heard is None:
-                heard = self._nodes[bus, node] = HeardNode(t, -1)
-            elif t - heard.t > self._least:
-                heard.pause(t)
-            heard.t, heard.number, heard.lines = until, last, ()
-            who.append(heard)
-        each = np.stack((gaps.since, gaps.until, gaps.row + start))
+        more = ((bus + 1) << _NODE_BITS) - len(self._t)
+        if more > 0:
+            self._t, self._number = (np.append(known, np.full(more, NO_TIME)) for known in (self._t, self._number))
+        code, t = bus << _NODE_BITS | nodes.node, ours.times[nodes.first]
+        before = self._t[code]
+        new = before == NO_TIME
+        for node in nodes.node[new].tolist():
+            self._nodes[bus, node] = HeardNode()
+        for k in np.flatnonzero(~new & (t - before > self._least)).tolist():
+            since, number, lines = self._last(code.item(k))
+            self._nodes[bus, nodes.node.item(k)].pause(Gap(since, t.item(k), number, lines))
+        if self._lines:
+            for one in self._lines.keys() & set(code.tolist()):
+                del self._lines[one]
+        self._t[code], self._number[code] = ours.times[nodes.last], nodes.last + start
+        each = array("q", np.stack((gaps.since, gaps.until, gaps.row + start), axis=1).tobytes())
         for k, begin, end in spans(gaps.of):
-            who[k].add(each[:, begin:end].copy())
+            self._nodes[bus, nodes.node.item(k)].add(each[3 * begin : 3 * end])
 
 
 class HeardSessions:

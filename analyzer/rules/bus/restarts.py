@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, by_key
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
@@ -85,6 +85,8 @@ class Uptimes(Rule):
         if table is None:
             return
         rows = self._doubted(table, np.flatnonzero(table.trusted))
+        if not len(rows):
+            return
         columns = (column[rows].tolist() for column in (table.bus, table.src, table.t, table["uptime_sec"]))
         for row, bus, src, t, uptime in zip(rows.tolist(), *columns, strict=True):
             node, here = (bus, src), _Uptime(t, uptime)
@@ -98,15 +100,22 @@ class Uptimes(Rule):
 
     def _doubted(self, table: DecodedTable, rows: Array) -> Array:
         """Return rows of nodes whose uptime falls, or that are in doubt; note the last uptime of all others."""
-        uptime, looked_at = table["uptime_sec"], np.ones(len(rows), bool)
-        for key, mine in groups(table.bus[rows].astype(np.int64) << 8 | table.src[rows]):
-            node, own = (key >> 8, key & 0xFF), rows[mine]
-            said, last = uptime[own].astype(np.int64), self._last.get(node)
-            calm = bool((said[1:] >= said[:-1]).all()) and (last is None or said.item(0) >= last.seconds)
+        order, first = by_key(table.bus[rows].astype(np.int64) << 8 | table.src[rows])
+        rows = rows[order]
+        said, looked_at = table["uptime_sec"][rows].astype(np.int64), np.ones(len(rows), bool)
+        falls = np.zeros(len(rows), bool)
+        np.less(said[1:], said[:-1], out=falls[1:])
+        falls[first] = False
+        fell = np.append(0, np.cumsum(falls)).tolist()
+        leads = rows[first]
+        begins = [*first.tolist(), len(rows)]
+        for k, node in enumerate(zip(table.bus[leads].tolist(), table.src[leads].tolist(), strict=True)):
+            start, stop, last = begins[k], begins[k + 1], self._last.get(node)
+            calm = fell[start] == fell[stop] and (last is None or said.item(start) >= last.seconds)
             if calm and node not in self._two and node not in self._doubts:
-                self._last[node] = _Uptime(table.t.item(own.item(-1)), said.item(-1))
-                looked_at[mine] = False
-        return rows[looked_at]
+                self._last[node] = _Uptime(table.t.item(rows.item(stop - 1)), said.item(stop - 1))
+                looked_at[start:stop] = False
+        return np.sort(rows[looked_at])
 
     def finish(self, _view: View) -> Iterator[Occurrence]:
         """Yield restarts shortly before the end."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from analyzer.facts.node_status import NODE_INFO
+from analyzer.tables import distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
 
 if TYPE_CHECKING:
@@ -30,12 +29,10 @@ class UniqueIds(Rule):
         table = view.table(NODE_INFO)
         if table is None:
             return
-        for row in np.flatnonzero(table.trusted).tolist():
+        rows, values = table.inner("hardware_version", "unique_id")  # some answers end before it
+        for row in distinct(rows[table.trusted[rows]]):
             node, t = (int(table.bus[row]), int(table.src[row])), int(table.t[row])
-            hardware = table.cell("hardware_version", row)
-            if hardware is None or hardware["unique_id"] is None:  # the answer ends before it
-                continue
-            unique = bytes(hardware["unique_id"])
+            unique = values[rows == row].tobytes()
             at, before = self._known.get(node, (t, unique))
             self._known[node] = t, unique
             elapsed = 0.0 if NO_TIME in (t, at) else (t - at) / SECOND

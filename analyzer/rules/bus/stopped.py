@@ -134,17 +134,15 @@ class Stopped(Rule):
                 self._doubt(view, place, found, last)
             self._talks.end(begun.place, begun.number[begun.first[1:] - 1])
         self._prove(view)
-        self._keep_lines(view)
+        self._talks.keep_lines(view)
+        self._nodes.keep_lines(view)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Tell what is silent to the end."""
         if self._nodes is None:
             return
-        for bus, heard in self._nodes.all():
-            end = self._pauses.last.get(bus, heard.t)
-            if end - heard.t > self._least(view):
-                heard.pause(end)
+        self._nodes.finish(self._pauses.last)
         buses = [Session.of(code).bus for code in self._talks.session.tolist()]
         until = [self._pauses.last.get(bus, last) for bus, last in zip(buses, self._paces.last.tolist(), strict=True)]
         for place, found in self._paces.silences(np.array(until, np.int64)):
@@ -179,15 +177,6 @@ class Stopped(Rule):
         talks.code[places[known]] = view.transfers.code[rows[known]]
         for place in places[known].tolist():
             self._doubts += self._unproved.pop(place, ())
-
-    def _keep_lines(self, view: View) -> None:
-        """Keep the last frames of those that are silent: they may be gone when that is told."""
-        self._talks.keep_lines(view)
-        if self._nodes is None:
-            return
-        for _, heard in self._nodes.all():
-            if heard.number < view.frames.first and not heard.lines:
-                heard.lines = view.lines((heard.number,))
 
     def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
         waiting = []

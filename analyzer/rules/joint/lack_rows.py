@@ -53,7 +53,7 @@ class LackRows(NamedTuple):
         """Return several, one after the other."""
         return parts[0] if len(parts) == 1 else cls(*map(np.concatenate, zip(cls.none(), *parts, strict=True)))
 
-    def take(self, rows: Array) -> LackRows:
+    def take(self, rows: Array | slice) -> LackRows:
         """Return some of them."""
         return LackRows(*(column[rows] for column in self))
 

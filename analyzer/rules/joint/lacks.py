@@ -73,6 +73,7 @@ class Lacks:
         self._senders: dict[int, set[int]] = {}  # the nodes that were heard
         self._complete: set[int] = set()  # codes of sessions of which one transfer is not enough to be known
         self._known = KeyedRows({"since": _NEVER}, _MOST_KNOWN)  # when each one became known
+        self.news = self._known.keys  # those that did with the batch that was fed last
         self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
 
     def feed(self, view: View) -> tuple[LackRows, Array]:
@@ -80,7 +81,7 @@ class Lacks:
 
         What was missing before is void now where the frame behind it is one of those that are returned, too.
         """
-        frames = view.frames
+        frames, self.news = view.frames, self.news[:0]
         if not self._all_known(frames) or not view.transfers.src.all():
             self._prove(view)
         errors = bool((frames.flags & ERROR).any())
@@ -140,7 +141,8 @@ class Lacks:
                 proved[code] = at
             elif len(self._complete) < _MOST_KNOWN:
                 self._complete.add(code)
-        self._known.add(np.array([*proved], np.int64), since=np.array([*proved.values()], np.int64))
+        self.news = np.array([*proved], np.int64)
+        self._known.add(self.news, since=np.array([*proved.values()], np.int64))
         for session, at in ((Session.of(code), at) for code, at in proved.items()):
             if not session.of_service:
                 nodes = self.nodes.setdefault(session.bus, {})

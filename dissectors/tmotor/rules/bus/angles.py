@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, Rule, sender, sound
 from dissectors.records import dataclass
-from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, esc_reports
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -49,29 +49,35 @@ class Angles(Rule):
         packets = view.table("PUSHCAN.MotorStatus")
         if view.start == NO_TIME:
             return
-        reports: dict[tuple[int, int], Array] = {}
-        for unit, rows in units(view).items():
-            if self._indexes.setdefault((unit.bus, unit.node), unit.index) == unit.index:
-                reports[unit.bus, unit.node] = rows
-            else:
-                self._indexes[unit.bus, unit.node] = -1
+        every, resting = esc_reports(view), {}
+        heard: set[tuple[int, int]] = set()
+        if every is not None:
+            rests = every.column("rpm") == 0
+            for unit, part, any_rest in zip(every.escs, every.parts, every.any(rests), strict=True):
+                who = unit.bus, unit.node
+                if self._indexes.setdefault(who, unit.index) == unit.index:
+                    heard.add(who)
+                    if any_rest:
+                        resting[who] = every.rows[part][rests[part]]
+                else:
+                    self._indexes[who] = -1
         still, node = np.empty(0, np.int64), np.empty(0, np.uint16)
         if packets is not None:
             still = np.flatnonzero(sound(packets) & (packets["speed"] == 0))
             node = sender(packets, still)
         talking = {(code >> 7, code & 0x7F) for code in np.flatnonzero(np.bincount(node)).tolist()}
-        for who in sorted(talking | reports.keys()):
+        for who in sorted(talking | heard):
             if self._indexes.get(who) != -1 and (who in self._last or len(self._last) < MOST_UNITS):
-                mine = still[node == (who[0] << 7 | who[1])]
-                yield from self._compare(view, who, reports.get(who), (packets, mine))
+                self._last.setdefault(who, (_NONE, _NONE))
+                if who in talking or who in resting:
+                    mine = still[node == (who[0] << 7 | who[1])]
+                    yield from self._compare(view, who, resting.get(who), (packets, mine))
 
     def _compare(
         self, view: View, who: tuple[int, int], reports: Array | None, what: tuple[DecodedTable | None, Array]
     ) -> Iterator[Occurrences]:
         packets, rows = what
-        table, last = view.table("ESCStatus"), self._last.get(who, (_NONE, _NONE))
-        if reports is not None and table is not None:
-            reports = reports[table["rpm"][reports] == 0]
+        table, last = view.table("ESCStatus"), self._last[who]
         encoder = _taken(last[0], table, reports, "error_count.encoder")
         position = _taken(last[1], packets, rows, "position")
         self._last[who] = _tail(encoder), _tail(position)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach, by_key
+from dissectors.kit.order import steps
 from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import commands
 from dissectors.tmotor.rules.joined.periods import PeriodHistogram
@@ -51,16 +53,23 @@ class CommandRate(Rule):
             return
         self._count(view)
         for bus, sent in commands(view).items():
-            for node in np.flatnonzero(np.bincount(sent.src)).tolist():
-                mine, who = np.flatnonzero(sent.src == node), (bus, node)
-                t = sent.t[mine]
+            order, first = by_key(sent.src)
+            t = sent.t[order]
+            apart = steps(t, t.item(0))
+            for begin, stop in pairwise([*first.tolist(), len(t)]):
+                row = order.item(begin)
+                who = bus, sent.src.item(row)
                 if who not in self._first:
                     if len(self._first) >= MOST_SENDERS:
                         continue
                     self._periods[who] = PeriodHistogram()
-                    self._first[who] = breach(view, sent.table, int(sent.rows[mine[0]]), "BUS-006", {}, held=True)
-                self._periods[who].feed(np.diff(t, prepend=self._last.get(who, int(t[0]))))
-                self._last[who] = int(t[-1])
+                    self._first[who] = breach(view, sent.table, sent.rows.item(row), "BUS-006", {}, held=True)
+                if who in self._last:
+                    apart[begin] = t[begin] - self._last[who]
+                    self._periods[who].feed(apart[begin:stop])
+                else:
+                    self._periods[who].feed(apart[begin + 1 : stop])
+                self._last[who] = t.item(stop - 1)
         yield from ()
 
     def _count(self, view: View) -> None:
@@ -69,13 +78,19 @@ class CommandRate(Rule):
         if message is None:
             return
         rows = np.flatnonzero((t.type_id == message.type_id) & (t.kind == _MESSAGE) & (t.t != NO_TIME))
-        who, first = t.bus[rows].astype(np.int64) << 7 | t.src[rows], t.t[rows]
-        for code in np.flatnonzero(np.bincount(who)).tolist():
-            key, own = (code >> 7, code & 0x7F), first[who == code]
-            if key in self._sent or len(self._sent) < MOST_SENDERS:
-                before = self._sent.get(key, _Sent(0, int(own[0]), int(own[0])))
-                since, until = min(before.since, int(own.min())), max(before.until, int(own.max()))
-                self._sent[key] = _Sent(before.transfers + len(own), since, until)
+        order, first = by_key(t.bus[rows].astype(np.int64) << 7 | t.src[rows])
+        if not len(rows):
+            return
+        rows = rows[order]
+        times = t.t[rows]
+        least, most = np.minimum.reduceat(times, first), np.maximum.reduceat(times, first)
+        sizes, leads = np.diff(first, append=len(rows)), rows[first]
+        columns = t.bus[leads], t.src[leads], sizes, least, most
+        for bus, src, size, since, until in zip(*(column.tolist() for column in columns), strict=True):
+            before = self._sent.get((bus, src), _Sent(0, since, until))
+            if (bus, src) in self._sent or len(self._sent) < MOST_SENDERS:
+                together = before.transfers + size, min(before.since, since), max(before.until, until)
+                self._sent[bus, src] = _Sent(*together)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Compare rates; pauses change the mean alone, and commands in pairs the median alone."""

@@ -16,21 +16,20 @@ from dissectors.kit import (
     Pauses,
     Rule,
     Starts,
-    frames_of,
 )  # fmt: skip
 from dissectors.records import dataclass
 from dissectors.tmotor.rules.bus.malformed import MalformedReports
 from dissectors.tmotor.rules.bus.power_ons import PowerOns
 from dissectors.tmotor.rules.bus.report_rate import OPEN
-from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, esc_reports, evidence, last_reports
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import DecodedTable, Occurrences, View
+    from dissectors.kit import Occurrences, View
+    from dissectors.tmotor.rules.joined.joins import EscReports, Evidence
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
-_Evidence = tuple[tuple[int, ...], tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +38,7 @@ class _Doubt:
 
     unit: ReportingEsc
     found: Break
-    evidence: _Evidence
+    evidence: Evidence
 
 
 class Dropouts(Rule):
@@ -48,7 +47,8 @@ class Dropouts(Rule):
     rules = ("BUS-025",)
 
     def __init__(self) -> None:
-        self._heard: dict[ReportingEsc, _Evidence] = {}  # the frames of the last report of each ESC
+        self._heard: dict[ReportingEsc, Evidence] = {}  # the frames of the last report of each ESC
+        self._places: dict[ReportingEsc, int] = {}  # in the same order
         self._paces = PacedReports(0, 0, 0)  # of each ESC, in the same order
         self._pauses: Pauses | None = None
         self._starts = Starts()
@@ -71,9 +71,9 @@ class Dropouts(Rule):
             self._starts.add(one.t, int(one.table.bus[one.row]), int(one.table.src[one.row]))
         self._note_rates(view)
         self._malformed.feed(view, least)
-        table = view.table("ESCStatus")
-        if table is not None:
-            self._breaks(view, table)
+        reports = esc_reports(view)
+        if reports is not None:
+            self._breaks(view, reports)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
@@ -85,28 +85,26 @@ class Dropouts(Rule):
                 self._doubts.append(_Doubt(heard[k], found, self._heard[heard[k]]))
         yield from self._judge(view, None)
 
-    def _breaks(self, view: View, table: DecodedTable) -> None:
+    def _breaks(self, view: View, reports: EscReports) -> None:
         """Note times without reports of each ESC."""
-        places = {unit: k for k, unit in enumerate(self._heard)}
-        for unit in units(view):
-            if len(places) < MOST_UNITS:
-                places.setdefault(unit, len(places))
-        reports = [(unit, rows) for unit, rows in units(view).items() if unit in places]
-        if not reports:
+        for esc in reports.escs:
+            if len(self._places) < MOST_UNITS:
+                self._places.setdefault(esc, len(self._places))
+        some = [k for k, esc in enumerate(reports.escs) if esc in self._places]
+        if not some:
             return
-        breaks = self._paces.feed(
-            np.array([places[unit] for unit, _ in reports]),
-            np.array([len(rows) for _, rows in reports]),
-            table.t[np.concatenate([rows for _, rows in reports])],
-            np.concatenate([self._malformed.lost(unit, table.row[rows]) for unit, rows in reports]),
+        escs, size = [reports.escs[k] for k in some], (reports.first[1:] - reports.first[:-1])[some]
+        rows = np.concatenate([reports.rows[reports.parts[k]] for k in some])
+        lost = self._malformed.lost(
+            [esc.bus for esc in escs], [esc.node for esc in escs], size, reports.table.row[rows]
         )
-        for k, found in breaks:
-            unit, rows = reports[k]
-            evidence = self._heard[unit] if found.at < 0 else _evidence(view, table, rows.item(found.at))
+        places = np.array([self._places[esc] for esc in escs])
+        for k, found in self._paces.feed(places, size, reports.table.t[rows], lost):
+            at = reports.parts[some[k]].start + found.at
+            before = self._heard[escs[k]] if found.at < 0 else evidence(view, reports.table, reports.rows.item(at))
             if len(self._doubts) < MOST_UNITS:
-                self._doubts.append(_Doubt(unit, found, evidence))
-        for unit, rows in reports:
-            self._heard[unit] = _evidence(view, table, rows.item(-1))
+                self._doubts.append(_Doubt(escs[k], found, before))
+        self._heard |= {esc: last for esc, last in last_reports(view).items() if esc in self._places}
 
     def _note_rates(self, view: View) -> None:
         """Note new report rates."""
@@ -149,8 +147,3 @@ class Dropouts(Rule):
             "BUS-025", start, unit.bus, unit.node, "ESCStatus", frames, values,
             drops=True, until=min(stop, start + _SHARE), lines=lines,
         )  # fmt: skip
-
-
-def _evidence(view: View, table: DecodedTable, row: int) -> _Evidence:
-    frames = frames_of(view, table, row)
-    return frames, view.lines(frames)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, groups, usable
+from dissectors.kit import NO_TIME, by_key, changes, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
 
     from dissectors.kit import Array, View
     from dissectors.tmotor.rules.joined.joins import ReportingEsc
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _MESSAGE, _FOREIGN = 0, 1  # as tables count kinds and verdicts
 _TYPE = 0x1FFFF  # of an identifier's bits from 7 on: data type ID, and that it is a message
 _MOST = 1024  # stretches of a node
+_NODE_BITS, _ROW_BITS = 7, 40
 
 _Node = tuple[int, int]
 
@@ -47,33 +48,52 @@ class MalformedReports:
 
     def __init__(self) -> None:
         self._stretches: dict[_Node, _Stretches] = {}
-        self._lost: dict[_Node, int] = {}
-        self._steps: dict[_Node, list[tuple[int, int]]] = {}  # rows of this batch, and how many were lost
+        self._lost: dict[int, int] = {}  # before this batch, by bus and node in one number
+        # That number and the rows of this batch before which some were lost, in order, and how many up to each.
+        self._steps, self._counts = np.empty(0, np.int64), np.zeros(1, np.int64)
 
     def feed(self, view: View, least: int) -> None:
         """Add a batch; what follows within `least` ns belongs to the same stretch."""
-        for node, steps in self._steps.items():
-            self._lost[node] = self._lost.get(node, 0) + sum(lost for _, lost in steps)
-        self._steps = {}
+        self._add_steps()
         definition = view.definition("ESCStatus")
         if definition is None:
             return
         t, table = view.transfers, view.table("ESCStatus")
         mine = (t.type_id == definition.type_id) & (t.kind == _MESSAGE)
         rows = np.flatnonzero(mine & t.has("step") & (t.step > 1))
-        for row, bus, src, step in _rows(rows, t.bus[rows], t.src[rows], t.step[rows]):
-            self._steps.setdefault((bus, src), []).append((row, step - 1))
+        if len(rows):
+            node = t.bus[rows].astype(np.int64) << _NODE_BITS | t.src[rows]
+            order, _ = by_key(node)
+            self._steps = node[order] << _ROW_BITS | rows[order]
+            self._counts = np.append(0, np.cumsum(t.step[rows[order]].astype(np.int64) - 1))
         if table is not None:
             mine[table.row[usable(table)]] = False
         rows = np.flatnonzero(mine & (t.t != NO_TIME))
         self._note_all(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows], least)
         self._astray(view, definition.type_id, least)
 
-    def lost(self, unit: ReportingEsc, rows: Array) -> Array:
-        """Return how many reports of its node were lost before each transfer of this batch."""
-        node = unit.bus, unit.node
-        steps = np.array([(-1, self._lost.get(node, 0)), *self._steps.get(node, ())], np.int64)
-        lost: Array = np.cumsum(steps[:, 1])[np.searchsorted(steps[:, 0], rows, "right") - 1]
+    def _add_steps(self) -> None:
+        """Make those of the last batch the ones before this one."""
+        nodes = self._steps >> _ROW_BITS
+        for node in nodes[changes(nodes, -1)].tolist():
+            first, stop = (int(np.searchsorted(nodes, node, side)) for side in ("left", "right"))
+            self._lost[node] = self._lost.get(node, 0) + self._counts.item(stop) - self._counts.item(first)
+        self._steps, self._counts = self._steps[:0], self._counts[:1]
+
+    def lost(self, bus: Sequence[int], node: Sequence[int], size: Array, rows: Array) -> Array:
+        """Return how many reports of its node were lost before each transfer of this batch.
+
+        The transfers of each of some senders follow each other, so many of each.
+        """
+        codes = [place << _NODE_BITS | src for place, src in zip(bus, node, strict=True)]
+        before = np.repeat(np.array([self._lost.get(code, 0) for code in codes], np.int64), size)
+        if not len(self._steps):
+            return before
+        begin = np.array(codes, np.int64) << _ROW_BITS
+        since = np.repeat(self._counts[np.searchsorted(self._steps, begin)], size)
+        lost: Array = (
+            before + self._counts[np.searchsorted(self._steps, np.repeat(begin, size) | rows, "right")] - since
+        )
         return lost
 
     def between(self, unit: ReportingEsc, start: int, stop: int) -> list[tuple[int, int]]:
@@ -100,17 +120,24 @@ class MalformedReports:
 
     def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
         """Note when reports began and ended, in their order."""
-        some = dict(groups(bus.astype(np.int64) << 8 | node))
-        for rows in sorted(some.values(), key=lambda rows: rows.item(0)):
-            self._note((bus.item(rows[0]), node.item(rows[0])), _rows(first[rows], last[rows]), least)
-
-    def _note(self, node: _Node, times: Iterator[tuple[int, ...]], least: int) -> None:
-        if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
+        if not len(bus):
             return
-        known = self._stretches.setdefault(node, _Stretches(array("q"), array("q")))
-        since, until = (known.since.pop(), known.until.pop()) if known.since else next(times)
+        order, begins = by_key(bus.astype(np.int64) << 8 | node)
+        since, until, leads = first[order].tolist(), last[order].tolist(), order[begins]
+        ends = [*begins[1:].tolist(), len(since)]
+        columns = (column.tolist() for column in (leads, begins, bus[leads], node[leads]))
+        for (_, begin, place, src), end in sorted(zip(zip(*columns, strict=True), ends, strict=True)):
+            self._note((place, src), since[begin:end], until[begin:end], least)
+
+    def _note(self, node: _Node, firsts: list[int], lasts: list[int], least: int) -> None:
+        known = self._stretches.get(node)
+        if known is None:
+            if len(self._stretches) >= MOST_UNITS:
+                return
+            known = self._stretches[node] = _Stretches(array("q"), array("q"))
+        since, until = (known.since.pop(), known.until.pop()) if known.since else (firsts[0], lasts[0])
         begins, ends = [], []
-        for first, last in times:
+        for first, last in zip(firsts, lasts, strict=True):
             if since <= first <= until + least:
                 until = max(until, last)
                 continue
@@ -118,7 +145,3 @@ class MalformedReports:
             ends.append(until)
             since, until = first, last
         known.add([*begins, since], [*ends, until])
-
-
-def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:
-    return zip(*(column.tolist() for column in columns), strict=True)

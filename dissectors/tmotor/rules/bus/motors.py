@@ -14,18 +14,19 @@ from dissectors.tmotor.rules.joined.joins import (
     MOST_UNITS,
     NO_CHANNEL,
     InForce,
+    LastCommands,
     RawCommands,
     ReportingEsc,
     commands,
+    esc_reports,
     fresh,
-    in_force,
-    units,
 )  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, DecodedTable, Occurrences, Severity, View
+    from dissectors.tmotor.rules.joined.joins import EscReports
 
 _CHANNELS = 32
 _HIGH, _ZERO = 1, 2  # what a channel is: above the limit, or 0; 0 stands for anything else
@@ -33,11 +34,10 @@ _UNDRIVEN = (5, 7, 8)  # coast down and both folds turn without throttle
 
 
 class _Throttle:
-    """A bus's commands up to the batch: the last one, what each channel is and since when."""
+    """A bus's commands up to the batch: the time of the last one, what each channel is and since when."""
 
     def __init__(self) -> None:
         self.t = NO_TIME
-        self.cmd = np.full(_CHANNELS, NO_CHANNEL, np.int16)
         self.kind = np.zeros(_CHANNELS, np.int8)
         self.since = np.full(_CHANNELS, NO_TIME)
 
@@ -49,9 +49,8 @@ class _Throttle:
         changed |= sent.paused(self.t, timeout)
         for channel in np.flatnonzero(changed.any(axis=1)).tolist():
             self.since[channel] = sent.t[np.flatnonzero(changed[channel])[-1]]
-        self.cmd[:] = NO_CHANNEL
         self.kind[:] = 0
-        self.cmd[:count], self.kind[:count], self.t = sent.cmd[:count, -1], kind[:, -1], int(sent.t[-1])
+        self.kind[:count], self.t = kind[:, -1], int(sent.t[-1])
 
 
 @dataclass(slots=True)
@@ -84,28 +83,46 @@ class Following(Rule):
     def __init__(self) -> None:
         self._throttles: dict[int, _Throttle] = {}
         self._states: dict[ReportingEsc, _State] = {}
-        self._driven = DrivenUnits()
+        self._last, self._driven = LastCommands(), DrivenUnits()
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Join each report with the command before it."""
-        table, now = view.table("ESCStatus"), commands(view)
         if view.start == NO_TIME:
             return
+        now, reports = commands(view), esc_reports(view)
         high = int(view.number("BUS-028", "high_pct") / 100 * FULL_THROTTLE)
         timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
         self._driven.feed(view)
-        for unit, rows in units(view).items():
-            throttle, sent = self._throttles.get(unit.bus, _Throttle()), now.get(unit.bus)
-            if table is None or (unit not in self._states and len(self._states) >= MOST_UNITS):
-                continue
-            state, before = self._states.setdefault(unit, _State()), (throttle.t, int(throttle.cmd[unit.index]))
-            command = in_force(sent, before, unit.index, table, rows)
-            joined = _Joined(unit, table, rows, table.t[rows], command)
-            recent = fresh(joined.t, command.t, timeout)
-            yield from self._follow(view, state, joined, (recent, throttle, sent, high, timeout))
-            yield from _negative(view, state, joined, recent & (command.cmd < 0) & (command.cmd != NO_CHANNEL))
+        if reports is not None:
+            yield from self._join(view, reports, high, timeout)
         for bus, sent in now.items():
             self._throttles.setdefault(bus, _Throttle()).feed(sent, high, timeout)
+        self._last.feed(view)
+
+    def _join(self, view: View, reports: EscReports, high: int, timeout: int) -> Iterator[Occurrence]:
+        """Look at the ESCs with reports that do not fit; the others follow."""
+        command, now, rpm = self._last.at_reports(view, reports), commands(view), reports.column("rpm")
+        recent, cmd = fresh(reports.t, command.t, timeout), command.cmd
+        kind = np.where(cmd > high, _HIGH, np.where(cmd == 0, _ZERO, 0)) * recent
+        turning = np.abs(rpm) > view.number("BUS-028", "turning_rpm")
+        suspect = np.where(((kind == _HIGH) & (rpm == 0)) | ((kind == _ZERO) & turning), kind, 0)
+        negative = recent & (cmd < 0) & (cmd != NO_CHANNEL)
+        odd = zip(reports.any(suspect != 0), reports.any(negative), strict=True)
+        for unit, part, (suspicious, some_negative) in zip(reports.escs, reports.parts, odd, strict=True):
+            if unit not in self._states and len(self._states) >= MOST_UNITS:
+                continue
+            state = self._states.setdefault(unit, _State())
+            if not suspicious:
+                state.kind, state.breach = 0, False
+            if not (suspicious or some_negative or state.negative):
+                continue
+            forced = InForce(*(column[part] for column in command))
+            joined = _Joined(unit, reports.table, reports.rows[part], reports.t[part], forced)
+            if suspicious:
+                throttle, sent = self._throttles.get(unit.bus, _Throttle()), now.get(unit.bus)
+                yield from self._follow(view, state, joined, (suspect[part].copy(), throttle, sent, high, timeout))
+            if some_negative or state.negative:
+                yield from _negative(view, state, joined, negative[part])
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield negative throttle up to the end."""
@@ -113,13 +130,10 @@ class Following(Rule):
             yield from _judge(view, state)
 
     def _follow(self, view: View, state: _State, joined: _Joined, what: Any) -> Iterator[Occurrence]:
-        recent, throttle, sent, high, timeout = what
+        suspect, throttle, sent, high, timeout = what
         table, rows, unit = joined.table, joined.rows, joined.unit
         rpm = table["rpm"][rows]
         cmd = joined.command.cmd
-        kind = np.where(cmd > high, _HIGH, np.where(cmd == 0, _ZERO, 0)) * recent
-        turning = np.abs(rpm) > view.number("BUS-028", "turning_rpm")
-        suspect = np.where(((kind == _HIGH) & (rpm == 0)) | ((kind == _ZERO) & turning), kind, 0)
         if (suspect == _ZERO).any():
             number = table["transfer"][rows].astype(np.int64)
             driven = self._driven.at(unit.bus, unit.index, number)
@@ -162,8 +176,6 @@ def _report(view: View, rule: str, joined: _Joined, at: int, values: Mapping[str
 
 def _negative(view: View, state: _State, joined: _Joined, negative: Array) -> Iterator[Occurrence]:
     """Yield runs of reports while a channel is negative (BUS-016)."""
-    if state.negative is None and not negative.any():
-        return
     abnormal = joined.table["error_count.throttle_abnormal"][joined.rows]
     edges = np.flatnonzero(np.diff(negative)) + 1
     for part in np.split(np.arange(len(negative)), edges):

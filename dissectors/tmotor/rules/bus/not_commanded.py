@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule
-from dissectors.tmotor.rules.joined.joins import commands, units
+from dissectors.kit.order import spans
+from dissectors.tmotor.rules.joined.joins import commands, esc_reports
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.joined.joins import RawCommands, ReportingEsc
+    from dissectors.kit import Array, Occurrence, Occurrences, View
+    from dissectors.tmotor.rules.joined.joins import EscReports, RawCommands, ReportingEsc
 
 
 class NotCommanded(Rule):
@@ -26,16 +27,15 @@ class NotCommanded(Rule):
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Compare each report with the commands of the time before it."""
-        table = view.table("ESCStatus")
         if view.start == NO_TIME:
             return
-        window = round(view.number("BUS-026", "window_s") * SECOND)
+        window, reports = round(view.number("BUS-026", "window_s") * SECOND), esc_reports(view)
         now = commands(view)
-        for unit, rows in units(view).items():
-            sent = self._sent.get(unit.bus)
-            if table is None or (sent is None and unit.bus not in now):
-                continue
-            yield from _find_uncommanded(view, table, (unit, rows), (sent or _Sent(), now.get(unit.bus)), window)
+        if reports is not None:
+            for bus, part in reports.by_bus():
+                if bus in self._sent or bus in now:
+                    sent = self._sent.get(bus) or _Sent(), now.get(bus)
+                    yield from _find_uncommanded(view, reports, part, sent, window)
         for bus, fresh in now.items():
             self._sent.setdefault(bus, _Sent()).feed(fresh, window)
 
@@ -63,25 +63,42 @@ def _runs(before: _Sent, sent: RawCommands, window: int) -> Array:
 
 
 def _find_uncommanded(
-    view: View,
-    table: DecodedTable,
-    what: tuple[ReportingEsc, Array],
-    commanded: tuple[_Sent, RawCommands | None],
-    window: int,
+    view: View, reports: EscReports, part: slice, commanded: tuple[_Sent, RawCommands | None], window: int
 ) -> Iterator[Occurrences]:
-    (unit, rows), (before, sent) = what, commanded
-    if (sent is None or int(sent.counts.min()) > unit.index) and (before.t == NO_TIME or before.counts > unit.index):
+    """Yield the reports of each ESC of a bus that is beyond the channels for a time."""
+    before, sent = commanded
+    fewest = min(() if sent is None else (int(sent.counts.min()),), default=32)
+    fewest = fewest if before.t == NO_TIME else min(fewest, before.counts)
+    index, of, t = reports.column("esc_index")[part], reports.of[part], reports.t[part]
+    some = np.flatnonzero(index >= fewest)
+    if not len(some):
         return
-    columns = [np.array([v], np.int64) for v in (before.t, before.since, before.counts, before.with_index[unit.index])]
+    index, t = index[some], t[some]
+    columns = [np.array([v], np.int64) for v in (before.t, before.since, before.counts)]
+    escs, which = np.unique(index, return_inverse=True)
+    had = before.with_index[escs][:, None]
+    k = np.zeros(len(some), np.int64)
     if sent is not None:
-        had = np.maximum.accumulate(np.where(sent.counts > unit.index, sent.t, before.with_index[unit.index]))
-        fresh = (sent.t, _runs(before, sent, window), sent.counts, had)
+        fresh = (sent.t, _runs(before, sent, window), sent.counts)
         columns = [np.concatenate(pair) for pair in zip(columns, fresh, strict=True)]
-    k = np.zeros(len(rows), np.int64) if sent is None else sent.before(table, rows)
-    t = table.t[rows]
-    last, since, counts, had = (column[k] for column in columns)
+        now = np.maximum.accumulate(np.where(sent.counts > escs[:, None], sent.t, had), axis=1)
+        had = np.concatenate((had, now), axis=1)
+        k = sent.before(reports.table, reports.rows[part][some])
+    last, since, counts = (column[k] for column in columns)
     runs = (last != NO_TIME) & (t - np.maximum(last, 0) <= window) & (t - np.maximum(since, 0) >= window)
+    had = had[which, k]
     at = np.flatnonzero(runs & ((had == NO_TIME) | (t - np.maximum(had, 0) > window)))
-    if len(at):
-        shown = dict(zip(rows[at].tolist(), counts[at].tolist(), strict=True))
-        yield view.among_rows("BUS-026", table, rows[at], lambda row: {"esc_index": unit.index, "channels": shown[row]})
+    for esc, begin, end in spans(of[some[at]]):
+        rows = reports.rows[part][some[at[begin:end]]]
+        yield _found(
+            view, reports, reports.escs[esc], dict(zip(rows.tolist(), counts[at[begin:end]].tolist(), strict=True))
+        )
+
+
+def _found(view: View, reports: EscReports, esc: ReportingEsc, channels: dict[int, int]) -> Occurrences:
+    """Return what was found in reports of an ESC, of which each has the channels of the command before it."""
+
+    def values(row: int) -> dict[str, int]:
+        return {"esc_index": esc.index, "channels": channels[row]}
+
+    return view.among_rows("BUS-026", reports.table, np.array(list(channels), np.int64), values)

@@ -8,14 +8,14 @@ import numpy as np
 
 from dissectors.kit import NO_TIME, Rule, breach, changes
 from dissectors.records import dataclass
-from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, esc_reports
 from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.joined.joins import ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import EscReports, ReportingEsc
     from dissectors.tmotor.rules.joined.motion import Changes
 
 _UNDER_VOLTAGE = 2  # bit 1 of the status word
@@ -54,38 +54,39 @@ class PackSag(Rule):
         """Follow how many have under-voltage."""
         turning = {bus: self._motion.turning(bus) for bus in range(len(view.buses))}
         moved = self._motion.feed(view)
-        table = view.table("ESCStatus")
-        if table is None or view.start == NO_TIME:
+        reports = esc_reports(view)
+        if reports is None or view.start == NO_TIME:
             return
-        steps: dict[int, list[_Steps]] = {}
-        reports: dict[int, list[Array]] = {}
-        room = len(self._low) < MOST_UNITS
-        for unit, rows in units(view).items():
-            if room or unit in self._low:
-                steps.setdefault(unit.bus, []).append(self._steps(table, unit, rows))
-                reports.setdefault(unit.bus, []).append(rows)
-        for bus, parts in steps.items():
+        for bus, rows, steps in self._steps(reports):
             pack = self._packs.setdefault(bus, _Pack())
-            motion = turning.get(bus, False), moved.get(bus)
-            yield from _follow(view, pack, _Steps(*map(np.concatenate, zip(*parts, strict=True))), motion, reports[bus])
+            yield from _follow(view, pack, steps, (turning.get(bus, False), moved.get(bus)), rows)
 
-    def _steps(self, table: DecodedTable, unit: ReportingEsc, rows: Array) -> _Steps:
-        low = table["error_count"][rows] & _UNDER_VOLTAGE != 0
-        before = self._low.get(unit)
-        at = changes(low, bool(before))
-        if before is None:
-            at = np.union1d(at, 0)
-        more = low[at].astype(np.int64)
-        less = np.where(more, 0, -1)
-        known = np.zeros(len(at), np.int64)
-        if before is None:
-            known[0], less[0] = 1, 0
-        self._low[unit] = bool(low[-1])
-        return _Steps(table["transfer"][rows[at]].astype(np.int64), more + less, known)
+    def _steps(self, reports: EscReports) -> Iterator[tuple[int, Array, _Steps]]:
+        """Yield the rows of each bus, of ESCs that count, and the news in them."""
+        low = reports.column("error_count") & _UNDER_VOLTAGE != 0
+        room = len(self._low) < MOST_UNITS
+        known = np.array([esc in self._low for esc in reports.escs])
+        before = reports.before(low, [self._low.get(esc, False) for esc in reports.escs])
+        first = np.zeros(len(low), bool)
+        first[reports.first[:-1]] = ~known
+        changed = (low != before) | first
+        if not room:
+            changed &= known[reports.of]
+        for esc, last, one in zip(reports.escs, low[reports.first[1:] - 1].tolist(), known.tolist(), strict=True):
+            if room or one:
+                self._low[esc] = last
+        for bus, part in reports.by_bus():
+            rows = reports.rows[part]
+            if not room:
+                rows = rows[known[reports.of[part]]]
+            at = np.flatnonzero(changed[part]) + part.start
+            step = np.where(low[at], 1, np.where(first[at], 0, -1))
+            if len(rows):
+                yield bus, rows, _Steps(reports.number[at], step, first[at].astype(np.int64))
 
 
 def _follow(
-    view: View, pack: _Pack, steps: _Steps, motion: tuple[bool, Changes | None], reports: list[Array]
+    view: View, pack: _Pack, steps: _Steps, motion: tuple[bool, Changes | None], reports: Array
 ) -> Iterator[Occurrence]:
     """Yield the first report with motors turning of each time in which all ESCs have under-voltage."""
     table = view.table("ESCStatus")
@@ -102,7 +103,7 @@ def _follow(
         pack.told &= since < 0
         if pack.told or table is None:
             continue
-        rows, of = turns = turns or _while_turning(table, np.sort(np.concatenate(reports)), motion)
+        rows, of = turns = turns or _while_turning(table, np.sort(reports), motion)
         k = int(np.searchsorted(of, since))
         if k < len(of) and of[k] < until:
             pack.told = True

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Pauses, Rule, frames_of
-from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, units
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Pauses, Rule
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, esc_reports, last_reports
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,12 +36,13 @@ class PowerOffs(Rule):
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Note the last reports of a batch."""
         self._pauses.feed(view)
-        table = view.table("ESCStatus")
-        for unit, rows in units(view).items():
-            if table is not None and view.start != NO_TIME and (unit in self._last or len(self._last) < MOST_UNITS):
-                row, frames = int(rows[-1]), frames_of(view, table, int(rows[-1]))
-                report = _Report(int(table.t[row]), not table["rpm"][row], frames, view.lines(frames))
-                self._last[unit] = report
+        reports = esc_reports(view)
+        if reports is not None and view.start != NO_TIME:
+            last, evidence = reports.first[1:] - 1, last_reports(view)
+            columns = reports.t[last].tolist(), reports.column("rpm")[last].tolist()
+            for esc, t, rpm in zip(reports.escs, *columns, strict=True):
+                if esc in self._last or len(self._last) < MOST_UNITS:
+                    self._last[esc] = _Report(t, not rpm, *evidence[esc])
         yield from ()
 
     def finish(self, view: View) -> Iterator[Occurrence]:

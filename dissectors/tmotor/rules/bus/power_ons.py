@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, Starts, breach, by
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from dissectors.kit import Array, DecodedTable, View
 
@@ -44,6 +44,48 @@ class _Count(NamedTuple):
     best: int
 
 
+class _Units(NamedTuple):
+    """Reports of one kind in a batch, one unit after the other: their keys, where each begins, and where it ends.
+
+    Counts and runtimes are those of `rows`; `odd` are places where they do not go on as from the one before.
+    """
+
+    keys: list[int]
+    first: list[int]
+    rows: Array
+    t: Array
+    counts: Array
+    ran: Array
+    odd: list[list[int]]
+
+
+_known: WeakKeyDictionary[DecodedTable, _Units] = WeakKeyDictionary()
+
+
+def _units(table: DecodedTable, good: Callable[[DecodedTable], Array], column: str) -> _Units:
+    """Return the reports of a batch; several rules ask."""
+    if table not in _known:
+        rows = np.flatnonzero(good(table) & (table.t != NO_TIME))
+        if "unit_id" in table:
+            # A node that turns out to send the high byte first begins anew: its numbers before were read wrongly.
+            which = table["unit_id"][rows].astype(np.int64) << 1 | table["big_endian"][rows]
+        else:
+            which = table["esc_uuid"][rows].astype(np.int64)
+        key = sender(table, rows).astype(np.int64) << 32 | which
+        order, begins = by_key(key)
+        rows, keys = rows[order], key[order[begins]].tolist()
+        counts = table[column][rows].astype(np.int64)
+        ran = table["runtime"][rows].astype(np.int64) if "runtime" in table else np.zeros(len(rows), np.int64)
+        differs = (counts[1:] != counts[:-1]) | (ran[1:] < ran[:-1])
+        differs[begins[1:] - 1] = False
+        at = np.flatnonzero(differs) + 1
+        odd: list[list[int]] = [[] for _ in keys]
+        for k, place in zip((np.searchsorted(begins, at, "right") - 1).tolist(), at.tolist(), strict=True):
+            odd[k].append(place)
+        _known[table] = _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
+    return _known[table]
+
+
 class PowerOns:
     """Follows power-on count and runtime of each unit (4.4.5 no 24-27), and the count of each ESC (4.4.6 no 21-22).
 
@@ -57,39 +99,27 @@ class PowerOns:
         """Yield starts in a batch."""
         packets, answers = view.table("PUSHCAN.MotorStatus"), view.table("ParamGet")
         if packets is not None:
-            # A node that turns out to send the high byte first begins anew: its numbers before were read wrongly.
-            which = packets["unit_id"].astype(np.int64) << 1 | packets["big_endian"]
-            yield from self._follow(packets, sound(packets), which, "power_on_count")
+            yield from self._follow(packets, _units(packets, sound, "power_on_count"), "power_on_count")
         if answers is not None:
-            yield from self._follow(answers, usable(answers), answers["esc_uuid"], "esc_startup_times")
+            yield from self._follow(answers, _units(answers, usable, "esc_startup_times"), "esc_startup_times")
 
-    def _follow(self, table: DecodedTable, good: Array, which: Array, column: str) -> Iterator[PowerOn]:
-        rows = np.flatnonzero(good & (table.t != NO_TIME))
-        key = sender(table, rows).astype(np.int64) << 32 | which[rows].astype(np.int64)
-        order, begins = by_key(key)
-        rows, every = rows[order], table.t[rows[order]]
-        all_counts = table[column][rows].astype(np.int64)
-        all_ran = table["runtime"][rows].astype(np.int64) if "runtime" in table else np.zeros(len(rows), np.int64)
-        differs = np.flatnonzero((np.diff(all_counts) != 0) | (np.diff(all_ran) < 0)) + 1
-        for start, stop in pairwise([*begins.tolist(), len(rows)]):
-            unit, part = int(key[order[start]]), slice(start, stop)
-            mine, t, counts, ran = rows[part], every[part], all_counts[part], all_ran[part]
-            who = unit >> 32, unit & 0xFFFFFFFF, column
-            first = int(counts[0])
-            last = self._last.get(who, _Count(int(t[0]), first, int(ran[0]), first))
+    def _follow(self, table: DecodedTable, units: _Units, column: str) -> Iterator[PowerOn]:
+        rows, t, counts, ran = units.rows, units.t, units.counts, units.ran
+        for unit, start, stop, odd in zip(units.keys, units.first[:-1], units.first[1:], units.odd, strict=True):
+            who, first = (unit >> 32, unit & 0xFFFFFFFF, column), counts.item(start)
+            last = self._last.get(who, _Count(t.item(start), first, ran.item(start), first))
             best = last.best
-            odd = (differs[slice(*np.searchsorted(differs, (start + 1, stop)))] - start).tolist()
-            for k in [0, *odd] if first != last.powered or ran[0] < last.runtime else odd:
-                since, now, powered = int(t[k - 1]) if k else last.t, int(t[k]), int(counts[k])
-                before, runtime = int(ran[k - 1]) if k else last.runtime, int(ran[k])
+            for k in [start, *odd] if first != last.powered or ran.item(start) < last.runtime else odd:
+                since, now, powered = t.item(k - 1) if k > start else last.t, t.item(k), counts.item(k)
+                before, runtime = ran.item(k - 1) if k > start else last.runtime, ran.item(k)
                 more, most = (powered - best) % _WRAP, (now - since) // SECOND + _SLACK
                 if 0 < more <= most:
-                    yield PowerOn(table, int(mine[k]), "power-on count", best, powered, since, now)
+                    yield PowerOn(table, rows.item(k), "power-on count", best, powered, since, now)
                 elif runtime <= most < before and (runtime - before) % _WRAP > most:
-                    yield PowerOn(table, int(mine[k]), "runtime", before, runtime, since, now)
+                    yield PowerOn(table, rows.item(k), "runtime", before, runtime, since, now)
                 best = powered if more < _WRAP // 2 else best
             if who in self._last or len(self._last) < MOST_UNITS:
-                self._last[who] = _Count(int(t[-1]), int(counts[-1]), int(ran[-1]), best)
+                self._last[who] = _Count(t.item(stop - 1), counts.item(stop - 1), ran.item(stop - 1), best)
 
 
 class Restarts(Rule):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, groups
+from dissectors.kit.order import spans
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.joins import (
@@ -14,8 +15,8 @@ from dissectors.tmotor.rules.joined.joins import (
     MOST_UNITS,
     LastCommands,
     ReportingEsc,
+    esc_reports,
     fresh,
-    units,
 )
 from dissectors.tmotor.rules.joined.recent_throttle import RecentThrottles
 from dissectors.tmotor.rules.joined.speed_reports import StatusPackets
@@ -24,8 +25,8 @@ from dissectors.tmotor.rules.packets.carried import occurrence
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, View
-    from dissectors.tmotor.rules.joined.speed_reports import PacketRows
+    from dissectors.kit import Array, DecodedTable, View
+    from dissectors.tmotor.rules.joined.speed_reports import PacketGroup, PacketRows
 
     _Claim = tuple[str, int, int]
 
@@ -38,6 +39,7 @@ _STANDS = 20.0  # us: what moves less does not move
 _ENOUGH = 3  # packets
 _DOUBT = SECOND  # after packets that cannot be judged for longer it begins anew
 _NEVER = 1 << 62
+_FEW = 16  # packets that cost less one by one
 _AGO = 300 * MILLISECOND  # so old may the throttle be that a packet was made of
 
 
@@ -108,47 +110,53 @@ class ReceivedPwm(Rule):
             return
         for part in (self._packets, self._driven, self._priority):
             part.feed(view)
-        packets = list(self._packets.of(view))
-        for (bus, node), some in packets:
-            unit, number = int(some.table["unit_id"][some.rows[0]]), int(some.number[0])
-            self._claims.note(("units of", bus, node), unit, number)
-            self._claims.note(("unit", bus, unit), node, number)
-        reports = view.table("ESCStatus")
-        for one, rows in units(view).items():
-            number = -1 if reports is None else int(reports["transfer"][rows[0]])
-            self._claims.note(("indexes of", one.bus, one.node), one.index, number)
-            self._claims.note(("index", one.bus, one.index), one.node, number)
-        for (bus, node), some in packets:
-            yield from self._follow(view, ReportingEsc(bus, node, some.esc_index), some)
+        packets = self._packets.of(view)
+        for group in () if packets is None else packets.groups:
+            if packets is not None:
+                number = packets.number.item(group.part.start)
+                self._claims.note(("units of", group.bus, group.node), group.unit, number)
+                self._claims.note(("unit", group.bus, group.unit), group.node, number)
+        reports = esc_reports(view)
+        if reports is not None:
+            for one, first in zip(reports.escs, reports.number[reports.first[:-1]].tolist(), strict=True):
+                self._claims.note(("indexes of", one.bus, one.node), one.index, first)
+                self._claims.note(("index", one.bus, one.index), one.node, first)
+        if packets is not None:
+            yield from self._follow(view, packets)
         self._last.feed(view)
         self._recent.feed(view)
 
-    def _clear(self, unit: ReportingEsc, some: PacketRows) -> Array:
-        """Return which packets speak for one ESC that no other node speaks for, as far as is known by then."""
-        number = int(some.table["unit_id"][some.rows[0]])
-        asked: list[tuple[_Claim, int]] = [(("units of", unit.bus, unit.node), number)]
-        asked.append((("indexes of", unit.bus, unit.node), unit.index))
-        asked.append((("unit", unit.bus, number) if some.alone else ("index", unit.bus, unit.index), unit.node))
-        found: Array = some.number < min(self._claims.others(claim, who) for claim, who in asked)
-        return found
+    def _clear(self, group: PacketGroup) -> int:
+        """Return from which transfer on packets do not speak for one ESC alone, as far as is known by then."""
+        bus, node, unit, index, alone, _ = group
+        asked: list[tuple[_Claim, int]] = [(("units of", bus, node), unit), (("indexes of", bus, node), index)]
+        asked.append((("unit", bus, unit) if alone else ("index", bus, index), node))
+        return min(self._claims.others(claim, who) for claim, who in asked)
 
-    def _follow(self, view: View, unit: ReportingEsc, some: PacketRows) -> Iterator[Occurrence]:
-        packets = self._joined(view, unit, some)
-        for turned, places in groups(some.table["big_endian"][some.rows]):
-            key = unit, bool(turned)
-            if key in self._escs or len(self._escs) < MOST_UNITS:
-                esc = self._escs.setdefault(key, _Esc())
-                mine = _Packets(*(column[places] for column in packets))
-                if mine.off.any():
-                    yield from self._runs(view, unit, esc, (some, some.rows[places], mine))
-                else:
-                    _pass(esc, mine)
+    def _follow(self, view: View, packets: PacketRows) -> Iterator[Occurrence]:
+        joined = self._joined(view, packets)
+        turned = packets.table["big_endian"][packets.rows]
+        any_off, some_turned = (np.append(0, np.cumsum(mask)).tolist() for mask in (joined.off, turned))
+        for group in packets.groups:
+            start, stop = group.part.start, group.part.stop
+            parts: list[tuple[bool, Array | slice]] = [(bool(some_turned[stop] > some_turned[start]), group.part)]
+            if 0 < some_turned[stop] - some_turned[start] < stop - start:
+                parts = [(bool(way), places + start) for way, places in groups(turned[group.part])]
+            for way, places in parts:
+                key = group.esc, way
+                if key in self._escs or len(self._escs) < MOST_UNITS:
+                    esc = self._escs.setdefault(key, _Esc())
+                    mine = _Packets(*(column[places] for column in joined))
+                    if any_off[stop] > any_off[start] or stop - start <= _FEW:
+                        yield from self._runs(view, packets.table, esc, (group.esc, packets.rows[places], mine))
+                    else:
+                        _pass(esc, mine)
 
     def _runs(
-        self, view: View, unit: ReportingEsc, esc: _Esc, what: tuple[PacketRows, Array, _Packets]
+        self, view: View, table: DecodedTable, esc: _Esc, what: tuple[ReportingEsc, Array, _Packets]
     ) -> Iterator[Occurrence]:
-        """Follow packets of which some are off, one by one."""
-        some, rows, packets = what
+        """Follow packets of which some may be off, one by one."""
+        unit, rows, packets = what
         lasts = view.number("BUS-043", "lasts_s") * SECOND
         for row, *columns in zip(rows.tolist(), *(column.tolist() for column in packets), strict=True):
             t, width, wanted, judged, off = columns
@@ -166,7 +174,7 @@ class ReceivedPwm(Rule):
             if run.since == NO_TIME:
                 said = {"channel": unit.index + 1, "wanted_pct": wanted, "microseconds": width}
                 said["pct"] = min(max(100 * (width - _UAV) / _RANGE, 0.0), 100.0)
-                run.since, run.place = t, occurrence(view, some.table, row, "BUS-043", said, held=True)
+                run.since, run.place = t, occurrence(view, table, row, "BUS-043", said, held=True)
             run.packets += 1
             long = t - run.since >= lasts and run.packets >= _ENOUGH
             if run.place is not None and not run.told and long and not _unused(esc):
@@ -174,32 +182,41 @@ class ReceivedPwm(Rule):
                 values = {**run.place.values, "seconds": (t - run.since) / SECOND, "packets": run.packets}
                 yield replace(run.place, values=values)
 
-    def _joined(self, view: View, unit: ReportingEsc, some: PacketRows) -> _Packets:
-        table, rows = some.table, some.rows
+    def _joined(self, view: View, packets: PacketRows) -> _Packets:
+        table, rows, groups_ = packets.table, packets.rows, packets.groups
         t, width = table.t[rows], table["pwm"][rows].astype(np.float64)
-        command = self._last.in_force(view, unit.bus, unit.index, table, rows)
+        bus, index = (packets.each(column) for column in zip(*((one.bus, one.index) for one in groups_), strict=True))
+        command = self._last.at_rows(view, table, rows, bus, index)
         timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
         judged = fresh(t, command.t, timeout) & (command.cmd > 0) & (table["fault"][rows] == 0)
         judged &= (width >= _KNOWN[0]) & (width <= _KNOWN[1])
-        judged &= ~self._priority.at(unit.bus, unit.node, some.number)
-        judged &= ~self._driven.at(unit.bus, unit.index, some.number) & self._clear(unit, some)
+        judged &= packets.number < packets.each([self._clear(group) for group in groups_])
+        for group in groups_:
+            part = group.part
+            if not self._priority.never(group.bus, group.node):
+                judged[part] &= ~self._priority.at(group.bus, group.node, packets.number[part])
+            if not self._driven.never(group.bus, group.index):
+                judged[part] &= ~self._driven.at(group.bus, group.index, packets.number[part])
         wanted = command.cmd * 100 / FULL_THROTTLE
         near = np.abs(width - (_UAV + _RANGE * wanted / 100)) <= _STANDS
-        low, high = self._lately(view, unit, some, t, (wanted, judged & ~near))
+        low, high = self._lately(view, packets, (bus, index, t), (wanted, judged & ~near))
         judged &= high - low <= view.number("BUS-043", "steady_pct")
         off_us = view.number("BUS-043", "off_us")
         least, most = _UAV + _RANGE * low / 100 - off_us, _SPRAYING + _RANGE * high / 100 + off_us
         return _Packets(t, width, wanted, judged, judged & ~((least <= width) & (width <= most)))
 
     def _lately(
-        self, view: View, unit: ReportingEsc, some: PacketRows, t: Array, what: tuple[Array, Array]
+        self, view: View, packets: PacketRows, where: tuple[Array, Array, Array], what: tuple[Array, Array]
     ) -> tuple[Array, Array]:
         """Return the lowest and highest throttle (%) just before each packet; what is near is not asked for."""
-        wanted, ask = what
+        (bus, index, t), (wanted, ask) = where, what
         low, high = wanted.copy(), wanted.copy()
-        for k in np.flatnonzero(ask).tolist():
-            span = self._recent.span(view, unit.bus, unit.index, int(some.number[k]), int(t[k]))
-            low[k], high[k] = (one * 100 / FULL_THROTTLE for one in span)
+        at = np.flatnonzero(ask)
+        for one, begin, end in spans(bus[at]):
+            some = at[begin:end]
+            asked = zip(*(column[some].tolist() for column in (index, packets.number, t)), strict=True)
+            found = np.array(list(self._recent.spans(view, one, asked)), np.int64)
+            low[some], high[some] = (found * 100 / FULL_THROTTLE).T
         return low, high
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, sender, usable
 from dissectors.kit.order import steps
 from dissectors.records import dataclass, field, replace
-from dissectors.tmotor.rules.joined.joins import units
+from dissectors.tmotor.rules.joined.joins import esc_reports
 from dissectors.tmotor.rules.joined.periods import PeriodHistogram
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, DecodedTable, Occurrences, View
+    from dissectors.tmotor.rules.joined.joins import EscReports
 
 OPEN = 0xFFFF  # no rate
 MOST_MEASURED = 256  # nodes
@@ -63,7 +64,8 @@ class ReportRate(Rule):
             return
         done: dict[tuple[int, int], int] = {}
         parameters, settings = view.table("ParamGet"), view.table("ParamCfg")
-        periods = _periods(view)
+        every = esc_reports(view)
+        reports = None if every is None else _Reports(view, every)
         sets = [] if settings is None else _numbers(settings, usable(settings) & (settings["esc_fdb_rate"] != OPEN))
         if parameters is not None:
             for row in _changes(parameters):
@@ -74,7 +76,8 @@ class ReportRate(Rule):
                 configured = int(parameters["esc_fdb_rate"][row])
                 if configured == one.configured:
                     continue
-                self._measure(view, who, periods, (done.get(who, -1), number))
+                if reports is not None:
+                    _measure(one, reports, who, (done.get(who, -1), number))
                 done[who] = number
                 known = self._set or any(before < number for before in sets)
                 if one.configured is not None or known:
@@ -82,9 +85,10 @@ class ReportRate(Rule):
                     one.restart()
                 one.configured = configured
                 one.place = breach(view, parameters, row, "BUS-018", {}, held=True)
-        for who in {(unit.bus, unit.node) for unit in units(view)}:
-            if self._node(who) is not None:
-                self._measure(view, who, periods, (done.get(who, -1), None))
+        for who in () if reports is None else reports.places:
+            one = self._node(who)
+            if one is not None and reports is not None:
+                _measure(one, reports, who, (done.get(who, -1), None))
         self._set = self._set or bool(sets)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
@@ -98,28 +102,43 @@ class ReportRate(Rule):
             one = self._nodes[who] = _Measured()
         return one
 
-    def _measure(self, view: View, who: tuple[int, int], periods: Array, span: tuple[int, int | None]) -> None:
-        """Take the reports between two transfers."""
-        table, one, (after, before) = view.table("ESCStatus"), self._nodes[who], span
-        for unit, every in units(view).items():
-            if table is None or (unit.bus, unit.node) != who:
-                continue
-            rows = every
-            if after >= 0 or before is not None:
-                number = table["transfer"][every].astype(np.int64)
-                rows = every[(number > after) & (number < (number[-1] + 1 if before is None else before))]
-            if not len(rows):
-                continue
-            one.indexes[unit.index] += len(rows)
-            one.first = int(table.t[rows[0]]) if one.first == NO_TIME else one.first
-            one.last = int(table.t[rows[-1]])
-            one.periods.feed(periods[rows])
-            t, row = table.t[rows], table.row[rows]
-            one.heard.feed(steps(t, one.latest.get(unit.index, t.item(0))))
-            one.latest[unit.index] = one.last
-            ids = view.transfers.step[row][view.transfers.has("step")[row]]
-            one.counted += len(ids)
-            one.skipped += int(np.count_nonzero(ids != 1))
+
+class _Reports:
+    """The reports of a batch, by the nodes that sent them."""
+
+    def __init__(self, view: View, reports: EscReports) -> None:
+        self.of, t = reports, view.transfers
+        self.periods = _periods(view)[reports.rows]
+        self.apart = steps(reports.t, reports.t.item(0))
+        row = reports.table.row[reports.rows]
+        counted = t.has("step")[row]
+        self.counted = np.append(0, np.cumsum(counted))  # up to each: transfer IDs, and those that do not count up by 1
+        self.skipped = np.append(0, np.cumsum(counted & (t.step[row] != 1)))
+        self.places: dict[tuple[int, int], list[int]] = {}
+        for k, esc in enumerate(reports.escs):
+            self.places.setdefault((esc.bus, esc.node), []).append(k)
+
+
+def _measure(one: _Measured, reports: _Reports, who: tuple[int, int], span: tuple[int, int | None]) -> None:
+    """Take the reports of a node between two transfers."""
+    every, (after, before) = reports.of, span
+    for k in reports.places.get(who, ()):
+        index, first, stop = every.escs[k].index, every.first.item(k), every.first.item(k + 1)
+        if after >= 0:
+            first += int(np.searchsorted(every.number[first:stop], after, "right"))
+        if before is not None:
+            stop = first + int(np.searchsorted(every.number[first:stop], before))
+        if first >= stop:
+            continue
+        begin, one.last = every.t.item(first), every.t.item(stop - 1)
+        one.indexes[index] += stop - first
+        one.first = begin if one.first == NO_TIME else one.first
+        one.periods.feed(reports.periods[first:stop])
+        one.heard.feed(np.array([begin - one.latest.get(index, begin)]))
+        one.heard.feed(reports.apart[first + 1 : stop])
+        one.latest[index] = one.last
+        one.counted += reports.counted.item(stop) - reports.counted.item(first)
+        one.skipped += reports.skipped.item(stop) - reports.skipped.item(first)
 
 
 def _periods(view: View) -> Array:

@@ -8,13 +8,13 @@ import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
 from dissectors.records import dataclass, replace
-from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, LastCommands, fresh, units
+from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, LastCommands, esc_reports, fresh
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, DecodedTable, View
-    from dissectors.tmotor.rules.joined.joins import ReportingEsc
+    from dissectors.kit import Array, View
+    from dissectors.tmotor.rules.joined.joins import EscReports, ReportingEsc
 
 _OPERATING = 4  # the mode in which an ESC does what it is told
 _FAULTS = 0xFFF  # with any of these bits it may do less, and says so (TYP-305)
@@ -41,29 +41,35 @@ class ReportedThrottle(Rule):
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield runs that last."""
-        table = view.table("ESCStatus")
-        if view.start != NO_TIME and table is not None:
-            for unit, rows in units(view).items():
-                if unit in self._runs or len(self._runs) < MOST_UNITS:
-                    yield from self._follow(view, table, unit, rows)
+        reports = esc_reports(view)
+        if view.start != NO_TIME and reports is not None:
+            wanted, off = self._off(view, reports)
+            for unit, part, any_off in zip(reports.escs, reports.parts, reports.any(off), strict=True):
+                run = self._runs.get(unit)
+                if run is None and len(self._runs) < MOST_UNITS:
+                    run = self._runs[unit] = _Run()
+                if run is not None and (any_off or run.since != NO_TIME):
+                    yield from self._follow(view, reports, unit, (part, wanted[part], off[part]))
         self._last.feed(view)
 
-    def _follow(self, view: View, table: DecodedTable, unit: ReportingEsc, rows: Array) -> Iterator[Occurrence]:
-        run = self._runs.setdefault(unit, _Run())
-        command = self._last.in_force(view, unit.bus, unit.index, table, rows)
+    def _off(self, view: View, reports: EscReports) -> tuple[Array, Array]:
+        """Return the throttle in % that each report should have, and which ones differ from it for no reason."""
+        command = self._last.at_reports(view, reports)
         timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
-        judged, wanted = (
-            fresh(table.t[rows], command.t, timeout) & (command.cmd >= 0),
-            command.cmd * 100 / FULL_THROTTLE,
-        )
-        off = np.abs(table["power_rating_pct"][rows] - wanted) > view.number("BUS-040", "off_pct")
-        word = table["error_count"][rows].astype(np.int64)
-        judged &= (word >> 12 & 15 == _OPERATING) & (word & _FAULTS == 0)
-        off &= judged
-        if not off.any() and run.since == NO_TIME:
-            return
+        wanted = command.cmd * 100 / FULL_THROTTLE
+        off = np.abs(reports.column("power_rating_pct") - wanted) > view.number("BUS-040", "off_pct")
+        word = reports.column("error_count").astype(np.int64)
+        off &= fresh(reports.t, command.t, timeout) & (command.cmd >= 0)
+        off &= (word >> 12 & 15 == _OPERATING) & (word & _FAULTS == 0)
+        return wanted, off
+
+    def _follow(
+        self, view: View, reports: EscReports, unit: ReportingEsc, what: tuple[slice, Array, Array]
+    ) -> Iterator[Occurrence]:
+        """Follow reports of an ESC of which some may be off, one by one."""
+        (part, wanted, off), table, run = what, reports.table, self._runs[unit]
         lasts = view.number("BUS-040", "lasts_s") * SECOND
-        for k, row in enumerate(rows.tolist()):
+        for k, row in enumerate(reports.rows[part].tolist()):
             t = int(table.t[row])
             if not off[k]:
                 run = self._runs[unit] = _Run()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +15,14 @@ from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, Repo
 from dissectors.tmotor.rules.joined.lost_throttle import Motor, Takeover, Track, follow, taken
 from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
 from dissectors.tmotor.rules.joined.throttle_losses import RECENT, Losses, told_later
-from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThrottle
+from dissectors.tmotor.rules.joined.valid_throttle import CommandGaps, LastThrottle, ValidThrottles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
     from dissectors.tmotor.rules.joined.joins import RawCommands
-    from dissectors.tmotor.rules.joined.speed_reports import SpeedReports
+    from dissectors.tmotor.rules.joined.speed_reports import PacketRows, SpeedReports
 
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
 _TAIL = 150 * MILLISECOND  # reports that are kept beyond the timeout, to see what was before a loss
@@ -32,6 +33,7 @@ _REPEATS = 20.0  # us: a width so close to the throttle by CAN is that one, or o
 _FRESH = 20 * MILLISECOND  # a throttle that an ESC follows right now
 _TAKEOVERS = 4  # the last ones of an ESC that a loss may still end with
 _LEAST_WIDTH = 1060.0  # us: of a throttle above 0
+_NONE = Samples(*(np.empty(0, kind) for kind in (np.int64, np.int64, np.float64, np.float32)))
 
 
 class WithoutThrottle(Rule):
@@ -40,7 +42,7 @@ class WithoutThrottle(Rule):
     rules = ("BUS-017", "BUS-034", "BUS-038")
 
     def __init__(self) -> None:
-        self._throttles: dict[int, ValidThrottle] = {}
+        self._throttles = ValidThrottles()
         self._tracks: dict[ReportingEsc, Track] = {}
         self._reporters = SpeedReporters()
         self._driven, self._priority = DrivenUnits(), PwmPriority()
@@ -56,17 +58,16 @@ class WithoutThrottle(Rule):
         self._pauses.feed(view)
         self._driven.feed(view)
         self._priority.feed(view)
-        now = commands(view)
-        reports = list(self._reporters.feed(view))
-        for unit, some in reports:
+        now, packets = commands(view), self._reporters.feed(view)
+        reports = [list(self._reporters.alone(packets)), list(self._reporters.by_status(view))]
+        for unit, some in (one for part in reports for one in part):
             if unit not in self._tracks and len(self._tracks) < MOST_UNITS:
                 self._tracks[unit] = Track(int(some.number[0]))
-        yield from self._take_over(view, now)
-        for unit, some in reports:
-            if unit in self._tracks:
-                yield from self._follow(view, unit, some, now)
-        for bus, sent in now.items():
-            self._throttles.setdefault(bus, ValidThrottle()).feed(sent)
+        if packets is not None:
+            yield from self._take_over(view, packets, now)
+        for part in reports:
+            yield from self._follow_all(view, [(unit, some) for unit, some in part if unit in self._tracks], now)
+        self._throttles.feed(now)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield losses that last to the end."""
@@ -77,38 +78,48 @@ class WithoutThrottle(Rule):
                 course = hold.course("to the end of the recording", taken(track.pwm(hold.since, 1 << 62)))
                 yield told_later(hold, hold.place, course)
 
-    def _at(self, bus: int, channel: int, number: Array, now: Mapping[int, RawCommands]) -> LastThrottle:
-        return self._throttles.get(bus, ValidThrottle()).at(now.get(bus), channel, number)
-
-    def _take_over(self, view: View, now: Mapping[int, RawCommands]) -> Iterator[Occurrence]:
+    def _take_over(self, view: View, packets: PacketRows, now: Mapping[int, RawCommands]) -> Iterator[Occurrence]:
         """Yield packets whose PWM width is what the ESC follows, and not the throttle that it had, or was 0 before."""
         wait = round(view.number("BUS-034", "wait_ms") * MILLISECOND)
-        for (bus, node), (table, rows, number, index, _) in self._reporters.packets(view):
-            track = self._tracks.get(ReportingEsc(bus, node, index))
+        table, rows, groups = packets.table, packets.rows, packets.groups
+        t, width = table.t[rows], table["pwm"][rows]
+        bus, index = (packets.each(column) for column in zip(*((one.bus, one.index) for one in groups), strict=True))
+        throttle = self._throttles.at(now, bus, index, packets.number)
+        in_time = fresh(t, throttle.t, _FRESH)
+        last, late = last_set(in_time), (throttle.t != NO_TIME) & ~fresh(t, throttle.t, wait)
+        repeats = _stands_for(width, throttle.value, _REPEATS)
+        any_late = np.append(0, np.cumsum(late)).tolist()
+        for group in groups:
+            track, part = self._tracks.get(group.esc), group.part
             if track is None:
                 continue
-            t, width = table.t[rows], table["pwm"][rows]
-            throttle = self._at(bus, index, number, now)
             del track.takeovers[:-_TAKEOVERS]
-            last = last_set(fresh(t, throttle.t, _FRESH))
-            late = np.flatnonzero((throttle.t != NO_TIME) & ~fresh(t, throttle.t, wait))
-            if len(late):
-                yield from self._taken(view, track, (table, rows, number), throttle, late, last)
-            track.width, track.repeats = _before(track, width, throttle, last.item(-1))
+            if any_late[part.stop] > any_late[part.start]:
+                mine = LastThrottle(*(column[part] for column in throttle))
+                before = last[part] - part.start, repeats[part]
+                packet = table, rows[part], packets.number[part]
+                yield from self._taken(view, track, packet, mine, np.flatnonzero(late[part]), before)
+            at = last.item(part.stop - 1)
+            if at >= part.start:
+                track.width, track.repeats = width.item(at), repeats.item(at)
 
     def _taken(
         self, view: View, track: Track, packets: tuple[DecodedTable, Array, Array], throttle: LastThrottle,
-        late: Array, last: Array,
+        late: Array, before: tuple[Array, Array],
     ) -> Iterator[Occurrence]:  # fmt: skip
-        """Yield which of the packets that come late after a throttle show another; `last` are those in time."""
-        table, rows, number = packets
+        """Yield which of the packets that come late after a throttle show another.
+
+        `before` is of each the last one in time, below 0 for one of an earlier batch, and whether each one's width
+        repeats the throttle.
+        """
+        (table, rows, number), (last, same) = packets, before
         width, pct, speed = (table[name][rows] for name in ("pwm", "throttle", "speed"))
         held = _stands_for(width[late], throttle.value[late], _SAME_WIDTH)
         turns = late[(speed[late] != 0) & (pct[late] > 0) & (width[late] >= _LEAST_WIDTH) & ~held]
         known = {one.since for one in track.takeovers}
-        for k, before in zip(turns.tolist(), last[turns].tolist(), strict=True):
+        for k, at in zip(turns.tolist(), last[turns].tolist(), strict=True):
             since = throttle.t.item(k)
-            was, repeats = _before(track, width, throttle, before)
+            was, repeats = (width.item(at), same.item(at)) if at >= 0 else (track.width, track.repeats)
             if since not in known and (was == 0 or _alike(width[k], pct[k])):
                 known.add(since)
                 values = {"microseconds": float(width[k]), "rpm": int(speed[k])}
@@ -116,26 +127,60 @@ class WithoutThrottle(Rule):
                 track.takeovers.append(Takeover(since, number.item(k), text, not repeats))
                 yield breach(view, table, rows.item(k), "BUS-034", values)
 
-    def _follow(
-        self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]
+    def _follow_all(
+        self, view: View, reports: list[tuple[ReportingEsc, SpeedReports]], now: Mapping[int, RawCommands]
     ) -> Iterator[Occurrences | Occurrence]:
-        track, sent = self._tracks[unit], now.get(unit.bus)
-        new = Samples(some.t, some.rpm, some.pct, some.current)
-        whole = new if track.tail is None else track.tail.joined(new)
-        tells = new.pct > 0
-        steady = self._throttles.get(unit.bus, ValidThrottle()).steady
-        if track.hold is not None or not steady(sent, unit.index, int(some.t[-1]), self._timeout):
-            throttle = self._at(unit.bus, unit.index, some.number, now)
-            lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
-            if lost.any() or track.hold is not None:
-                told = last_set(tells) >= 0 if not track.tells else np.ones(len(tells), bool)
-                losses = Losses(self._pauses or Pauses(self._timeout), unit.bus, whole.t, lost, throttle.t, track.hold)
+        """Follow ESCs, of which none stands there twice."""
+        if not reports:
+            return
+        gaps = {bus: CommandGaps.of(sent) for bus, sent in now.items()}
+        tracks = [self._tracks[unit] for unit, _ in reports]
+        told = [Samples(some.t, some.rpm, some.pct, some.current) for _, some in reports]
+        parts = [part for track, new in zip(tracks, told, strict=True) for part in (track.tail or _NONE, new)]
+        whole = Samples(*map(np.concatenate, zip(*parts, strict=True)))
+        stop = np.cumsum([len(part.t) for part in parts])[1::2]
+        ends = [0, *stop.tolist()]
+        odd = [
+            (track, one, Samples(*(column[first:end] for column in whole)))
+            for track, one, first, end in zip(tracks, reports, ends[:-1], ends[1:], strict=True)
+            if track.hold is not None or not self._steady(*one, gaps)
+        ]
+        if odd:
+            yield from self._follow(view, odd, now)
+        size = stop - np.append(0, stop[:-1])
+        recent = whole.t >= np.repeat(whole.t[stop - 1] - self._timeout - _TAIL, size)
+        recent |= np.repeat(stop, size) - np.arange(len(recent)) <= RECENT
+        kept = whole.take(recent)
+        ends = [0, *np.cumsum(recent)[stop - 1].tolist()]
+        for track, new, first, end in zip(tracks, told, ends[:-1], ends[1:], strict=True):
+            track.tells = track.tells or bool((new.pct > 0).any())
+            track.tail = Samples(*(column[first:end].copy() for column in kept))
+
+    def _steady(self, esc: ReportingEsc, some: SpeedReports, gaps: Mapping[int, CommandGaps]) -> bool:
+        """Return whether an ESC has its throttle throughout."""
+        throttle = self._throttles.of(esc.bus)
+        return throttle.steady(gaps.get(esc.bus), esc.index, some.t.item(-1), self._timeout)
+
+    def _follow(
+        self, view: View, odd: list[tuple[Track, tuple[ReportingEsc, SpeedReports], Samples]],
+        now: Mapping[int, RawCommands],
+    ) -> Iterator[Occurrences | Occurrence]:  # fmt: skip
+        """Follow ESCs that may lose their throttle, each with its reports, and with those before them, too."""
+        size = [len(some.t) for _, (_, some), _ in odd]
+        bus, index = (np.repeat([esc[column] for _, (esc, _), _ in odd], size) for column in (0, 2))
+        number = np.concatenate([some.number for _, (_, some), _ in odd])
+        t = np.concatenate([some.t for _, (_, some), _ in odd])
+        throttles = self._throttles.at(now, bus, index, number)
+        lost = (throttles.t != NO_TIME) & ~fresh(t, throttles.t, self._timeout)
+        stop = list(accumulate(size))
+        for (track, (unit, some), whole), begin, end in zip(odd, [0, *stop[:-1]], stop, strict=True):
+            throttle, mine = LastThrottle(*(column[begin:end] for column in throttles)), lost[begin:end]
+            if track.hold is not None or mine.any():
+                told = np.ones(len(mine), bool) if track.tells else last_set(some.pct > 0) >= 0
+                pauses = self._pauses or Pauses(self._timeout)
+                losses = Losses(pauses, unit.bus, whole.t, mine, throttle.t, track.hold)
                 motor = Motor(view, unit, some, throttle, told, losses, partial(self._excused, unit, some, now))
                 yield from follow(track, motor, whole, self._timeout)
-        track.tells |= bool(tells.any())
-        recent = whole.t >= int(whole.t[-1]) - self._timeout - _TAIL
-        recent[-RECENT:] = True
-        track.tail = Samples(*(column[recent].copy() for column in whole))
 
     def _excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
@@ -149,20 +194,12 @@ class WithoutThrottle(Rule):
     def _elsewhere(self, unit: ReportingEsc, number: Array, t: Array, now: Mapping[int, RawCommands]) -> Array:
         """Return where the ESC, which reports on another bus too, has its throttle from there."""
         found = np.zeros(len(number), bool)
-        for bus in self._throttles.keys() | now.keys():
+        for bus in self._throttles.buses() | now.keys():
             other = self._tracks.get(unit._replace(bus=bus))
             if bus != unit.bus and other is not None:
-                throttle = self._at(bus, unit.index, number, now)
+                throttle = self._throttles.of(bus).at(now.get(bus), unit.index, number)
                 found |= fresh(t, throttle.t, self._timeout) & (other.first <= number)
         return found
-
-
-def _before(track: Track, width: Array, throttle: LastThrottle, last: int) -> tuple[float, bool]:
-    """Return the last width in time, which may be one of an earlier batch, and whether it repeats the throttle."""
-    if last < 0:
-        return track.width, track.repeats
-    one = slice(last, last + 1)
-    return width.item(last), bool(_stands_for(width[one], throttle.value[one], _REPEATS))
 
 
 def _stands_for(width: Array, value: Array, within: float) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -30,8 +31,15 @@ class _Switches:
         for place, (_, states) in self._now.items():
             if place in self._before or len(self._before) < MOST_UNITS:
                 self._before[place] = bool(states[-1])
+        if not len(bus):
+            self._now = {}
+            return
         keys = bus.astype(np.int64) << 16 | which
         self._now = {(key >> 16, key & 0xFFFF): (number[at], on[at]) for key, at in groups(keys)}
+
+    def off(self, bus: int, which: int) -> bool:
+        """Return whether one is off at any transfer."""
+        return (bus, which) not in self._now and not self._before.get((bus, which))
 
     def at(self, bus: int, which: int, number: Array) -> Array:
         """Return how one stands at some transfers."""
@@ -59,6 +67,10 @@ class DrivenUnits:
         driven = ~np.isin(table["control_mode"][rows], _RELEASED)
         self._units.feed(table.bus[rows], table["unit_id"][rows], table["transfer"][rows].astype(np.int64), driven)
 
+    def never(self, bus: int, index: int) -> bool:
+        """Return whether the unit of an ESC index is driven at no transfer."""
+        return self._units.off(bus, FIRST_UNIT + index) and self._units.off(bus, ALL_UNITS)
+
     def at(self, bus: int, index: int, number: Array) -> Array:
         """Return a mask of the transfers at which the unit of an ESC index is driven."""
         alone, all_units = (self._units.at(bus, unit, number) for unit in (FIRST_UNIT + index, ALL_UNITS))
@@ -76,8 +88,17 @@ class Priority(NamedTuple):
     t: int
 
 
+_known: WeakKeyDictionary[View, list[Priority]] = WeakKeyDictionary()
+
+
 def priorities(view: View) -> list[Priority]:
     """Return what ParamGet (4.4.6) and the FOC feedback (4.4.5) of a batch tell, in the order of transfers."""
+    if view not in _known:
+        _known[view] = _priorities(view)
+    return _known[view]
+
+
+def _priorities(view: View) -> list[Priority]:
     said: list[Priority] = []
     for name, column, good in (
         ("ParamGet", "esc_signal_priority", usable), ("PUSHCAN.FocFeedback", "throttle_priority", sound),
@@ -101,6 +122,10 @@ class PwmPriority:
         said = priorities(view)
         transfer, bus, node, priority, _ = np.array(said, np.int64).T if said else (*_NOTHING, _NOTHING[0])
         self._nodes.feed(bus, node, transfer, priority == PWM)
+
+    def never(self, bus: int, node: int) -> bool:
+        """Return whether PWM has priority in a node at no transfer."""
+        return self._nodes.off(bus, node)
 
     def at(self, bus: int, node: int, number: Array) -> Array:
         """Return a mask of the transfers at which PWM has priority in a node."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 from dissectors.records import dataclass, field
 
@@ -43,10 +41,6 @@ class Samples(NamedTuple):
     def take(self, rows: Array) -> Samples:
         """Return some of them."""
         return Samples(*(column[rows] for column in self))
-
-    def joined(self, other: Samples) -> Samples:
-        """Return both, one after the other."""
-        return Samples(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
 
 @dataclass(slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,10 +10,13 @@ import numpy as np
 from dissectors.tmotor.rules.joined.joins import NO_CHANNEL, commands
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from dissectors.kit import Array, View
     from dissectors.tmotor.rules.joined.joins import RawCommands
 
 _MOST = 4096  # commands of a bus that are remembered from one batch to the next
+_NOTHING = np.empty(0, np.int64), np.empty((0, 0), np.int16)
 
 
 class RecentThrottles:
@@ -22,22 +26,26 @@ class RecentThrottles:
         self._long = long
         self._before: dict[int, tuple[Array, Array]] = {}  # times, and channels as `Commands.cmd` has them
 
-    def span(self, view: View, bus: int, index: int, number: int, t: int) -> tuple[int, int]:
-        """Return the lowest and highest throttle of a channel before a transfer, `NO_CHANNEL` without any."""
+    def spans(self, view: View, bus: int, asked: Iterable[tuple[int, int, int]]) -> Iterator[tuple[int, int]]:
+        """Yield the lowest and highest throttle of a channel before a transfer, `NO_CHANNEL` without any.
+
+        A channel, the number of the transfer and its time are asked for.
+        """
         sent = commands(view).get(bus)
-        some = [self._before[bus]] if bus in self._before else []
-        if sent is not None:
-            stop = int(np.searchsorted(sent.number, number))
-            some.append((sent.t[:stop], sent.cmd[:, :stop]))
-        parts = []
-        for times, channels in some:
-            first = int(np.searchsorted(times, t - self._long)) if len(times) else 0
-            if index < len(channels):
-                parts.append(channels[index, first:])
-            elif first < len(times):
-                return NO_CHANNEL, NO_CHANNEL
-        found = np.concatenate(parts) if parts else np.empty(0, np.int16)
-        return (int(found.min()), int(found.max())) if len(found) else (NO_CHANNEL, NO_CHANNEL)
+        earlier, channels = self._before.get(bus, _NOTHING)
+        times, numbers = (earlier.tolist(), [] if sent is None else sent.number.tolist())
+        here = [] if sent is None else sent.t.tolist()
+        for index, number, t in asked:
+            stop = bisect_left(numbers, number)
+            first, now = bisect_left(times, t - self._long), bisect_left(here, t - self._long, 0, stop)
+            parts = [(channels, first, len(times))] if first < len(times) else []
+            if sent is not None and now < stop:
+                parts.append((sent.cmd, now, stop))
+            if not parts or any(index >= len(cmd) for cmd, _, _ in parts):
+                yield NO_CHANNEL, NO_CHANNEL
+                continue
+            found = [cmd[index, begin:end] for cmd, begin, end in parts]
+            yield min(int(one.min()) for one in found), max(int(one.max()) for one in found)
 
     def feed(self, view: View) -> None:
         """Make the commands of a batch, once it has been looked at, those before the next one."""

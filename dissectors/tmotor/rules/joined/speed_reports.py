@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, sound
-from dissectors.tmotor.rules.joined.joins import FirstReports, ReportingEsc, units
-from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, by_unit
+from dissectors.kit import NO_TIME, by_key, sound
+from dissectors.tmotor.rules.joined.joins import FirstReports, ReportingEsc, esc_reports
+from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, unit_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from dissectors.kit import Array, DecodedTable, View
 
@@ -37,17 +38,36 @@ class SpeedReports(NamedTuple):
     lost: Array
 
 
-class PacketRows(NamedTuple):
-    """Sound status packets of one node and unit, and the index of the ESC that they speak of.
+class PacketGroup(NamedTuple):
+    """Status packets of one node and unit: where they are in a batch's, and the index of the ESC that they speak of.
 
     They are `alone` up to the first ESCStatus of the node: the index is that of the unit then.
     """
 
+    bus: int
+    node: int
+    unit: int
+    index: int  # type: ignore[assignment]  # hides a method of tuples that nobody asks for
+    alone: bool
+    part: slice
+
+    @property
+    def esc(self) -> ReportingEsc:
+        """The ESC."""
+        return ReportingEsc(self.bus, self.node, self.index)
+
+
+class PacketRows(NamedTuple):
+    """Sound status packets of a batch whose ESCs are known, one group after the other; those of each are in order."""
+
     table: DecodedTable
     rows: Array
     number: Array
-    esc_index: int
-    alone: bool
+    groups: Sequence[PacketGroup]
+
+    def each(self, values: Sequence[int]) -> Array:
+        """Return for each packet what is said of its group."""
+        return np.repeat(np.array(values, np.int64), [group.part.stop - group.part.start for group in self.groups])
 
 
 class StatusPackets:
@@ -60,18 +80,35 @@ class StatusPackets:
         """Add a batch before its packets are asked for."""
         self._first.feed(view)
 
-    def of(self, view: View) -> Iterator[tuple[tuple[int, int], PacketRows]]:
-        """Yield the status packets of each bus, node and unit in the batch that was fed last."""
+    def of(self, view: View) -> PacketRows | None:
+        """Return the status packets in the batch that was fed last, by bus, node and unit."""
         table = view.table("PUSHCAN.MotorStatus")
         if table is None:
-            return
+            return None
         rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
-        for (bus, node, unit), mine in by_unit(table, rows):
-            number = table["transfer"][mine].astype(np.int64)
+        order, begins = by_key(unit_key(table)[rows])
+        rows = rows[order]
+        number = table["transfer"][rows].astype(np.int64)
+        groups: list[PacketGroup] = []
+        pieces: list[slice] = []
+        for begin, end in pairwise([*begins.tolist(), len(rows)]):
+            row = rows.item(begin)
+            bus, node, unit = table.bus.item(row), table.src.item(row), table["unit_id"].item(row)
             first, index = self._first.of(bus, node) or (1 << 62, 0)
-            for part, alone, which in ((number < first, True, unit - FIRST_UNIT), (number > first, False, index)):
-                if part.any() and 0 <= which <= _LAST_INDEX:
-                    yield (bus, node), PacketRows(table, mine[part], number[part], which, alone)
+            middle = begin + int(np.searchsorted(number[begin:end], first))
+            for start, stop, alone, which in (
+                (begin, middle, True, unit - FIRST_UNIT), (middle, end, False, index)
+            ):  # fmt: skip
+                if start < stop and 0 <= which <= _LAST_INDEX:
+                    done = groups[-1].part.stop if groups else 0
+                    part = slice(done, done + stop - start)
+                    groups.append(PacketGroup(bus, node, unit, which, alone, part))
+                    pieces.append(slice(start, stop))
+        if not groups:
+            return None
+        if groups[-1].part.stop < len(rows):
+            rows, number = (np.concatenate([column[piece] for piece in pieces]) for column in (rows, number))
+        return PacketRows(table, rows, number, groups)
 
 
 class SpeedReporters:
@@ -80,27 +117,31 @@ class SpeedReporters:
     def __init__(self) -> None:
         self._packets = StatusPackets()
 
-    def feed(self, view: View) -> Iterator[tuple[ReportingEsc, SpeedReports]]:
-        """Yield the reports of each ESC in the next batch, in order: packets come before its first ESCStatus."""
+    def feed(self, view: View) -> PacketRows | None:
+        """Add the next batch; return the status packets of each bus, node and unit."""
         self._packets.feed(view)
-        table = view.table("ESCStatus")
-        for (bus, node), packets in self.packets(view):
-            if packets.alone:
-                status, rows = packets.table, packets.rows
-                yield ReportingEsc(bus, node, packets.esc_index), SpeedReports(
-                    status, rows, packets.number, status.t[rows], status["speed"][rows].astype(np.int64),
+        return self._packets.of(view)
+
+    def alone(self, packets: PacketRows | None) -> Iterator[tuple[ReportingEsc, SpeedReports]]:
+        """Yield the reports in order of each ESC that had sent no ESCStatus yet."""
+        for group in () if packets is None else packets.groups:
+            if group.alone and packets is not None:
+                status, rows = packets.table, packets.rows[group.part]
+                yield group.esc, SpeedReports(
+                    status, rows, packets.number[group.part], status.t[rows], status["speed"][rows].astype(np.int64),
                     status["throttle"][rows], status["current"][rows], np.full(len(rows), _NO_MODE),
                     status["fault"][rows] & _THROTTLE_LOSS != 0,
                 )  # fmt: skip
-        for unit, rows in units(view).items():
-            if table is not None:
-                yield unit, SpeedReports(
-                    table, rows, table["transfer"][rows].astype(np.int64), table.t[rows],
-                    table["rpm"][rows].astype(np.int64), table["power_rating_pct"][rows].astype(np.float64),
-                    table["current"][rows], table["error_count.mode"][rows],
-                    table["error_count"][rows] & _THROTTLE_LOSS != 0,
-                )  # fmt: skip
 
-    def packets(self, view: View) -> Iterator[tuple[tuple[int, int], PacketRows]]:
-        """Yield the status packets of each bus, node and unit."""
-        return self._packets.of(view)
+    def by_status(self, view: View) -> Iterator[tuple[ReportingEsc, SpeedReports]]:
+        """Yield the reports in order of each ESC that sends ESCStatus; packets come before its first one."""
+        reports = esc_reports(view)
+        if reports is None:
+            return
+        columns = (
+            reports.rows, reports.number, reports.t, reports.column("rpm").astype(np.int64),
+            reports.column("power_rating_pct").astype(np.float64), reports.column("current"),
+            reports.column("error_count.mode"), reports.column("error_count") & _THROTTLE_LOSS != 0,
+        )  # fmt: skip
+        for esc, part in zip(reports.escs, reports.parts, strict=True):
+            yield esc, SpeedReports(reports.table, *(column[part] for column in columns))

@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, last_set
-from dissectors.tmotor.rules.joined.joins import NO_CHANNEL, last_of
+from dissectors.kit import NO_TIME
+from dissectors.kit.order import spans
+from dissectors.tmotor.rules.joined.joins import NO_CHANNEL
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from dissectors.kit import Array
     from dissectors.tmotor.rules.joined.joins import RawCommands
 
@@ -27,6 +30,22 @@ class LastThrottle(NamedTuple):
     last: Array
 
 
+class CommandGaps(NamedTuple):
+    """Commands of a bus: times of the first and the last one, the longest time between two, and valid channels."""
+
+    first: int
+    last: int
+    longest: int
+    valid: list[bool]
+
+    @classmethod
+    def of(cls, sent: RawCommands) -> CommandGaps:
+        """Return those of some."""
+        longest = int((sent.t[1:] - sent.t[:-1]).max(initial=0))
+        valid = np.logical_and.reduce(sent.cmd >= 0, axis=1)
+        return cls(sent.t.item(0), sent.t.item(-1), longest, valid.tolist())
+
+
 class ValidThrottle:
     """The commands of one bus so far."""
 
@@ -35,33 +54,72 @@ class ValidThrottle:
         self._value = np.zeros(CHANNELS, np.int64)
         self._last = np.full(CHANNELS, NO_CHANNEL, np.int64)
 
-    def steady(self, sent: RawCommands | None, channel: int, until: int, longest: int) -> bool:
+    def steady(self, gaps: CommandGaps | None, channel: int, until: int, longest: int) -> bool:
         """Return whether no two valid throttles of the next commands, nor the last one and a time, are far apart."""
-        if sent is None or channel >= len(sent.cmd) or self._t[channel] == NO_TIME:
+        if gaps is None or channel >= len(gaps.valid) or self._t[channel] == NO_TIME:
             return False
-        apart = np.diff(sent.t, prepend=self._t[channel])
-        valid = bool((sent.cmd[channel] >= 0).all())
-        return valid and int(apart.max()) <= longest and until - int(sent.t[-1]) <= longest
+        apart = max(gaps.longest, gaps.first - self._t.item(channel))
+        return gaps.valid[channel] and apart <= longest and until - gaps.last <= longest
 
-    def at(self, sent: RawCommands | None, channel: int, number: Array) -> LastThrottle:
-        """Return what it was at each of some transfers; `sent` are the next commands, which are not yet fed."""
-        before = (int(part[channel]) for part in (self._t, self._value, self._last))
+    def at(self, sent: RawCommands | None, channel: Array | int, number: Array) -> LastThrottle:
+        """Return what it was at each of some transfers, of one channel or of one each.
+
+        `sent` are the next commands, which are not yet fed.
+        """
+        before = LastThrottle(*(np.broadcast_to(part[channel], number.shape) for part in self._columns))
         if sent is None:
-            return LastThrottle(*(np.full(len(number), one) for one in before))
-        cmd, count = sent.channel(channel), np.searchsorted(sent.number, number)
+            return before
+        count, inside = np.searchsorted(sent.number, number), channel < np.int64(len(sent.cmd))
+        cmd = sent.cmd if len(sent.cmd) else sent.channel(0)[None]
         valid = cmd >= 0
-        latest = count if valid.all() else np.append(0, last_set(valid) + 1)[count]
-        columns = ((sent.t, latest), (cmd, latest), (cmd, count))
-        return LastThrottle(*(last_of(*column, one) for column, one in zip(columns, before, strict=True)))
+        row = np.minimum(channel, len(cmd) - 1)
+        if valid.all():
+            latest = count
+        else:
+            earlier = np.maximum.accumulate(np.where(valid, np.arange(1, len(sent.t) + 1), 0), axis=1)
+            latest = np.where(count > 0, earlier[row, np.maximum(count, 1) - 1], 0)
+        latest = np.where(inside, latest, 0)
+        at, last = np.maximum(latest, 1) - 1, np.maximum(count, 1) - 1
+        return LastThrottle(
+            np.where(latest > 0, sent.t[at], before.t), np.where(latest > 0, cmd[row, at], before.value),
+            np.where(count > 0, np.where(inside, cmd[row, last], NO_CHANNEL), before.last),
+        )  # fmt: skip
+
+    @property
+    def _columns(self) -> tuple[Array, Array, Array]:
+        return self._t, self._value, self._last
 
     def feed(self, sent: RawCommands) -> None:
         """Make the next commands the last ones."""
-        for channel in range(CHANNELS):
-            cmd = sent.channel(channel)
-            self._last[channel] = cmd[-1]
-            valid = cmd >= 0
-            if valid[-1]:
-                self._t[channel], self._value[channel] = sent.t[-1], cmd[-1]
-            elif valid.any():
-                at = int(np.flatnonzero(valid)[-1])
-                self._t[channel], self._value[channel] = sent.t[at], cmd[at]
+        cmd = sent.cmd[:CHANNELS]
+        self._last[:] = NO_CHANNEL
+        self._last[: len(cmd)] = cmd[:, -1]
+        valid = cmd >= 0
+        some = np.flatnonzero(valid.any(axis=1))
+        at = valid.shape[1] - 1 - valid[some, ::-1].argmax(axis=1)
+        self._t[some], self._value[some] = sent.t[at], cmd[some, at]
+
+
+class ValidThrottles:
+    """The commands of each bus so far."""
+
+    def __init__(self) -> None:
+        self._buses: dict[int, ValidThrottle] = {}
+
+    def of(self, bus: int) -> ValidThrottle:
+        """Return those of a bus."""
+        return self._buses.get(bus) or ValidThrottle()
+
+    def buses(self) -> Iterable[int]:
+        """Return the buses that have any."""
+        return self._buses.keys()
+
+    def at(self, now: Mapping[int, RawCommands], bus: Array, channel: Array, number: Array) -> LastThrottle:
+        """Return what it was at each of some transfers, which stand together by bus; `now` are the next commands."""
+        parts = [self.of(one).at(now.get(one), channel[begin:end], number[begin:end]) for one, begin, end in spans(bus)]
+        return parts[0] if len(parts) == 1 else LastThrottle(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def feed(self, now: Mapping[int, RawCommands]) -> None:
+        """Make the next commands the last ones."""
+        for bus, sent in now.items():
+            self._buses.setdefault(bus, ValidThrottle()).feed(sent)

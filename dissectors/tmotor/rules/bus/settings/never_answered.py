@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, changes, groups, sound
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, changes, sound
 from dissectors.records import dataclass, field, replace
-from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, esc_reports
 from dissectors.tmotor.rules.packets.carried import (
     ALL_UNITS,
     FIRST_UNIT,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, DecodedTable, View
 
 _SLOT = SECOND // 2  # in which an ESC is heard or not
+_SLOT_BITS = 36  # of all that there are
 _SEEN = 3 * SECOND  # before a query
 _QUERY_MODE = 0x00
 _MOST = 4096  # queries that wait, askers
@@ -81,7 +83,7 @@ class NeverAnswered(Rule):
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, _Kind], deque[_Query]] = {}
         self._askers: dict[tuple[int, int, _Kind], _Asker] = {}
-        self._heard: dict[tuple[int, int, int], Array] = {}  # slots by bus, node and unit
+        self._heard: dict[tuple[int, int, int], list[int]] = {}  # slots in order, by bus, node and unit
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Note who asks, who lives and who answers."""
@@ -93,8 +95,9 @@ class NeverAnswered(Rule):
             self._answer(view, kind)
             self._expire(view, kind, view.end - LONGEST)
         oldest = (view.end - _SEEN - 2 * LONGEST - 2 * self._limit(view)) // _SLOT
-        for who, slots in self._heard.items():
-            self._heard[who] = slots[np.searchsorted(slots, oldest) :]
+        for slots in self._heard.values():
+            if slots and slots[0] < oldest:
+                del slots[: bisect_left(slots, oldest)]
         yield from ()
 
     def finish(self, view: View) -> Iterator[Occurrence]:
@@ -123,28 +126,33 @@ class NeverAnswered(Rule):
         return round(view.number("BUS-044", "timeout_s") * SECOND)
 
     def _note_living(self, view: View) -> None:
-        reports = view.table("ESCStatus")
-        for one, rows in units(view).items() if reports is not None else ():
-            if reports is not None:
-                self._hear((one.bus, one.node, FIRST_UNIT + one.index), reports.t[rows])
+        reports = esc_reports(view)
+        if reports is not None:
+            unit = FIRST_UNIT + reports.column("esc_index").astype(np.int64)
+            self._hear(reports.column("bus"), reports.column("src"), unit, reports.t)
         for table in packet_tables(view):
             if carrier(table) == "PUSHCAN":
                 rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
-                key = table.bus[rows].astype(np.int64) << 16 | table.src[rows].astype(np.int64) << 8
-                key |= table["unit_id"][rows].astype(np.int64)
-                for unit, places in groups(key):
-                    self._hear((unit >> 16, unit >> 8 & 0xFF, unit & 0xFF), table.t[rows[places]])
+                self._hear(*(column[rows] for column in (table.bus, table.src, table["unit_id"], table.t)))
 
-    def _hear(self, who: tuple[int, int, int], t: Array) -> None:
-        if who in self._heard or len(self._heard) < MOST_UNITS:
-            slots = t // _SLOT
-            slots = slots[changes(slots, slots[0] - 1)]
-            known = self._heard.get(who, slots[:0])
-            behind = np.append(known[-1:], slots)
-            if (behind[1:] >= behind[:-1]).all():
-                self._heard[who] = np.append(known[:-1], behind[changes(behind, behind[0] - 1)])
-            else:
-                self._heard[who] = np.union1d(known, slots)
+    def _hear(self, bus: Array, node: Array, unit: Array, t: Array) -> None:
+        """Note the slots in which each unit is heard."""
+        if not len(t):
+            return
+        slots = t // _SLOT
+        first = int(slots.min())
+        who = bus.astype(np.int64) << 16 | node.astype(np.int64) << 8 | unit
+        both = who << _SLOT_BITS | slots - first
+        for one in np.unique(both[changes(both, -1)]).tolist():
+            key, slot = one >> _SLOT_BITS, (one & (1 << _SLOT_BITS) - 1) + first
+            known = self._heard.get((key >> 16, key >> 8 & 0xFF, key & 0xFF))
+            if known is None:
+                if len(self._heard) >= MOST_UNITS:
+                    continue
+                known = self._heard[key >> 16, key >> 8 & 0xFF, key & 0xFF] = []
+            at = bisect_left(known, slot) if known and slot <= known[-1] else len(known)
+            if known[at : at + 1] != [slot]:
+                known.insert(at, slot)
 
     def _ask(self, view: View, kind: _Kind) -> None:
         table = view.table(kind.asked)
@@ -203,9 +211,8 @@ class NeverAnswered(Rule):
         found = set()
         for (where, node, unit), slots in self._heard.items():
             if where == bus and query.unit in (unit, ALL_UNITS):
-                before, after = np.searchsorted(slots, ((query.t - _SEEN) // _SLOT, now + 1))
-                late = int(np.searchsorted(slots, (query.t + limit) // _SLOT, "right"))
-                if before < np.searchsorted(slots, now) and after < late:
+                before, after = (bisect_left(slots, one) for one in ((query.t - _SEEN) // _SLOT, now + 1))
+                if before < bisect_left(slots, now) and after < bisect_right(slots, (query.t + limit) // _SLOT):
                     found.add(node)
         return found
 
