@@ -40,6 +40,15 @@ pub struct Closed {
     pub received: i64,
 }
 
+/// Those that are closed, as they are: their bytes, and the places of their frames that are named. `left` are the places
+/// of frames of those that stay open.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Made {
+    pub received: Vec<i64>,
+    pub lists: Vec<Vec<i64>>,
+    pub left: Vec<i64>,
+}
+
 /// Puts orphans together: those of a session with one transfer ID, up to the end bit or a timeout.
 #[derive(Clone, Debug)]
 pub struct Remainders {
@@ -81,6 +90,36 @@ impl Remainders {
             self.close(session, closed);
         }
         named
+    }
+
+    /// Adds frames behind those of remainders that are open, of which `of` gives the serial number each: which frames
+    /// make up those that are closed now, counted from the first one that is open. No more will come behind the `last`.
+    pub fn put(&mut self, of: &mut Vec<i64>, frames: impl Iterator<Item = Frame>, last: bool) -> Made {
+        let mut closed = vec![];
+        let new = frames.map(|frame| self.add(frame, &mut closed).unwrap_or(-1));
+        of.extend(new);
+        if last {
+            self.close_all(&mut closed);
+        }
+        let ranks: HashMap<i64, usize> = closed.iter().map(|one| one.serial).zip(0..).collect();
+        let mut lists = vec![vec![]; closed.len()];
+        let (mut left, mut left_of) = (vec![], vec![]);
+        for (place, &serial) in (0..).zip(&*of) {
+            match ranks.get(&serial) {
+                Some(&rank) => lists[rank].push(place),
+                None if serial >= 0 => {
+                    left.push(place);
+                    left_of.push(serial);
+                }
+                None => {}
+            }
+        }
+        *of = left_of;
+        Made {
+            received: closed.iter().map(|one| one.received).collect(),
+            lists,
+            left,
+        }
     }
 
     /// Closes all that are open, the oldest first.
@@ -179,6 +218,27 @@ mod tests {
         rests.close_all(&mut all);
         assert_eq!(all.iter().map(|one| one.serial).collect::<Vec<_>>(), [2, 3]);
         assert!(rests.open.is_empty() && rests.order.is_empty());
+    }
+
+    #[test]
+    fn frames_go_where_their_remainder_ends() {
+        let frame = |(session, tail)| Frame {
+            session,
+            t: 0,
+            tail,
+            size: 7,
+        };
+        let (mut rests, mut of) = (rests(), vec![]);
+        let first = rests.put(&mut of, [(1, 3), (2, 4), (1, 3), (1, 3)].map(frame).into_iter(), false);
+        let left = vec![0, 1, 2];
+        assert_eq!(first, Made { left, ..Made::default() }, "no more than two are named");
+        let second = rests.put(&mut of, [(3, 0x45), (2, 0x44), (4, 6)].map(frame).into_iter(), false);
+        let lists = vec![vec![0, 2], vec![3], vec![1, 4]];
+        assert_eq!((second.lists, second.left), (lists, vec![5]));
+        assert_eq!(second.received, [21, 7, 14]);
+        let last = rests.put(&mut of, std::iter::empty(), true);
+        assert_eq!((last.lists, last.left), (vec![vec![0]], vec![]));
+        assert!(of.is_empty());
     }
 
     #[test]

@@ -239,6 +239,13 @@ impl<'a> Frames<'a> {
         })
     }
 
+    /// The tail byte of the last frame of a session before one, among so many that came before it.
+    pub fn tail_before(&self, key: u32, number: u64, look: u64) -> Option<u8> {
+        let range = number.saturating_sub(look)..number;
+        let mut tails = self.latest(key, &range).filter_map(|frame| frame.data.last().copied());
+        tails.next()
+    }
+
     pub fn session(&self, number: u64) -> Option<u32> {
         let (index, row) = self.find(number)?;
         Some(index.key(row))
