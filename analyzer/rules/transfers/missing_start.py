@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, 
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
 from analyzer.rules.transfers.lists import picked
-from analyzer.rules.transfers.loose_frames import BUS, LooseFrames
+from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.tables import FD, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
 
@@ -83,17 +84,20 @@ class _Excused(NamedTuple):
 
     t: int
     bus: int
-    node: int | None
+    node: int
     type: str
     frames: tuple[int, ...]
-    values: Values
+    tail: int
+    what: str
+    detail: str
     lines: tuple[str, ...]
 
     def occurrence(self, severity: Severity | None) -> Occurrence:
         """Return it as a breach."""
+        t, bus, node, type_, frames, tail, what, detail, lines = self
         return Occurrence(
-            "TRF-005", self.t, self.bus, self.node, self.type, self.frames, self.values,
-            severity=severity, drops=True, lines=self.lines,
+            "TRF-005", t, bus, None if node < 0 else node, type_, frames, _values(tail, what, detail),
+            severity=severity, drops=True, lines=lines,
         )  # fmt: skip
 
 
@@ -106,20 +110,24 @@ class _Told(NamedTuple):
     of: _Remainders
     first: LooseFrames
     what: Array
-    cause: Callable[[int], Cause]
+    causes: Callable[[Array], list[Cause]]
     early: Array
 
     def values(self, k: int) -> Values:
         """Return what is said of one."""
-        transfer_id, what = self.first.tail.item(k) & TAIL_ID, FORMS[self.what.item(k)].what
-        return {"transfer_id": transfer_id, "cause": what, "detail": self.cause(k).detail}
+        ((_, detail),) = self.causes(np.array([k]))
+        return _values(self.first.tail.item(k), FORMS[self.what.item(k)].what, detail)
 
-    def excused(self, view: View, k: int) -> _Excused:
-        """Return one whose lines were asked for."""
-        first = self.first
-        t, node, code, session = (column.item(k) for column in (first.t, first.node, first.code, first.session))
-        whose = session >> BUS, None if node < 0 else node, view.type_name(code)
-        return _Excused(t, *whose, tuple(self.of.numbers(k)), self.values(k), self.of.lines(k))
+    def excused(self, view: View, rows: Array) -> Iterator[_Excused]:
+        """Yield some, with their lines."""
+        self.of.note_lines(view, rows)
+        first, (offsets, places) = self.first.take(rows), picked(self.of.offsets, rows)
+        numbers, lines = self.of.frames.number[places].tolist(), self.of.frames.all_lines[places].tolist()
+        columns = (first.t, first.bus, first.node, first.code, first.tail, self.what[rows])
+        each = zip(*(column.tolist() for column in columns), self.causes(rows), strict=True)
+        for (low, high), (t, bus, node, code, tail, what, cause) in zip(pairwise(offsets.tolist()), each, strict=True):
+            frames, kept = tuple(numbers[low:high]), tuple(filter(None, lines[low:high]))
+            yield _Excused(t, bus, node, view.type_name(code), frames, tail, FORMS[what].what, cause.detail, kept)
 
     def occurrences(self, rows: Array, *, kept: bool) -> Iterator[Occurrences]:
         """Yield some together; the lines are `kept` of all if their frames may be gone."""
@@ -209,24 +217,35 @@ class MissingStart:
 
         Return a mask of those with which they do.
         """
-        goes_on, asked = np.zeros(len(wanted), bool), False
-        rows = np.flatnonzero(wanted)
+        goes_on, rows = np.zeros(len(wanted), bool), np.flatnonzero(wanted)
         kinds, early = told.first.session[rows] << _WHAT_BITS | told.what[rows], told.early[rows]
-        for k, kind, is_early in zip(rows.tolist(), kinds.tolist(), early.tolist(), strict=True):
+        held: list[int] = []
+        steps: list[tuple[int, bool]] = []  # kinds, and whether one more of each is held back
+        waiting: dict[int, int] = {}  # how many of each kind are held back then
+        new, known = {*kinds[early].tolist()}, self._early_ones
+        each = zip(rows.tolist(), kinds.tolist(), early.tolist(), strict=True)
+        for k, kind, is_early in [one for one in each if one[1] in known or one[1] in new]:
+            count = waiting[kind] if kind in waiting else len(self._early_ones.get(kind, ()))
             if is_early and self._excused < MOST_EARLY:
                 self._excused += 1
-                if not asked:  # for all of them at once
-                    told.of.note_lines(view, rows[early])
-                    asked = True
-                self._early_ones.setdefault(kind, []).append(told.excused(view, k))
-                wanted[k] = False
-            elif kind in self._early_ones:
+                waiting[kind] = count + 1
+                held.append(k)
+                steps.append((kind, True))
+            elif count:
+                self._excused -= count
+                waiting[kind] = 0
                 goes_on[k] = True
-                held = self._early_ones.pop(kind)
-                self._excused -= len(held)
-                # What goes on is no moment in which the sender was busy.
-                severity: Severity | None = None if len(held) >= _HABIT else "note"
-                yield from (one.occurrence(severity) for one in held)
+                steps.append((kind, False))
+        wanted[held] = False
+        excused = told.excused(view, np.array(held, np.int64))
+        for kind, is_held in steps:
+            if is_held:
+                self._early_ones.setdefault(kind, []).append(next(excused))
+                continue
+            ended = self._early_ones.pop(kind)
+            # What goes on is no moment in which the sender was busy.
+            severity: Severity | None = None if len(ended) >= _HABIT else "note"
+            yield from (one.occurrence(severity) for one in ended)
         return goes_on
 
     def _searched(self, view: View, closed: _Remainders) -> _Told:
@@ -244,12 +263,14 @@ class MissingStart:
         at = np.full(len(senders), -1)
         at[rows] = np.arange(len(rows))
 
-        def cause(k: int) -> Cause:
-            return alike(FORMS[what[k]].what) if at.item(k) < 0 else found.cause(at.item(k))
+        def causes(rows: Array) -> list[Cause]:
+            known = iter(found.causes(at[rows[at[rows] >= 0]]))
+            each = zip(at[rows].tolist(), what[rows].tolist(), strict=True)
+            return [alike(FORMS[form].what) if place < 0 else next(known) for place, form in each]
 
         early = _LOSSES[what]
         early[early] = self._early(view, first.take(early))
-        return _Told(closed, first, what, cause, early)
+        return _Told(closed, first, what, causes, early)
 
     def _first(self, frames: LooseFrames) -> Array:
         """Return which are the first that was heard of their session: of a window that is where the window begins."""
@@ -270,6 +291,10 @@ class MissingStart:
             started[frames.bus == bus] = start
         since = np.maximum(np.maximum(started, heard), all_resumed(view, t))
         return np.where(t == NO_TIME, frames.number <= lead, t - since <= TIMEOUT)
+
+
+def _values(tail: int, what: str, detail: str) -> Values:
+    return {"transfer_id": tail & TAIL_ID, "cause": what, "detail": detail}
 
 
 def _found(firsts: Firsts, frames: LooseFrames) -> tuple[Array, Array]:

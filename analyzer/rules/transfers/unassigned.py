@@ -73,7 +73,8 @@ class UnassignedFrames(Rule):
         self._held = LooseFrames.joined((self._held, wait))
         over = len(self._held) - MOST_HELD
         if over > 0:
-            yield from self._report(self._let_go(np.arange(len(self._held)) < over))
+            oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
+            yield from self._report(oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
@@ -106,7 +107,11 @@ class UnassignedFrames(Rule):
         """Return frames that turned out to be DroneCAN's."""
         settled = view.settled
         if len(settled.number) and len(self._held):
-            self._let_go(np.isin(self._held.number, settled.number))
+            held = self._held.number
+            at = np.minimum(held.searchsorted(settled.number), len(held) - 1)
+            mask = np.zeros(len(held), bool)
+            mask[at[held[at] == settled.number]] = True
+            self._let_go(mask)
         some = np.flatnonzero(settled.known & (settled.verdict != _FOREIGN))
         if not len(some):
             return LooseFrames.none()
