@@ -55,7 +55,10 @@ mod tests {
         assert!(!firsts.add(7, first(2)));
         assert!(firsts.add(8, first(3)));
         assert!(!firsts.add(9, first(4)), "there is no room");
-        assert_eq!([7, 8, 9].map(|key| firsts.find(key)), [Some(first(1)), Some(first(3)), None]);
+        assert_eq!(
+            [7, 8, 9].map(|key| firsts.find(key)),
+            [Some(first(1)), Some(first(3)), None]
+        );
         assert_eq!([7, 8, 9].map(|key| firsts.has(key)), [true, true, false]);
     }
 }

@@ -23,6 +23,7 @@ mod decoder;
 mod diagnosis;
 mod esc_rows;
 mod firsts;
+mod frame_cells;
 mod group;
 mod grouped;
 mod id_nodes;
@@ -235,6 +236,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::tails_before, m)?)?;
+    m.add_function(wrap_pyfunction!(frame_cells::frame_lines, m)?)?;
+    m.add_function(wrap_pyfunction!(frame_cells::frame_cells, m)?)?;
     m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

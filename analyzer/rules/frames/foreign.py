@@ -101,11 +101,20 @@ class Foreign(Rule):
         self._held.append(rows)
         self._waiting += len(rows.number)
         identifier = rows.identifier
-        for key in self._opened(identifier):
+        opened = np.array(self._opened(identifier), np.int64)
+        mine = np.isin(identifier, opened).nonzero()[0] if len(opened) else opened
+        if not len(mine):
+            return
+        order, begins = grouped(identifier[mine])
+        some = []
+        for low, high in zip(begins.tolist(), [*begins[1:].tolist(), len(order)], strict=True):
+            key = identifier.item(mine.item(order.item(low)))
             seen = self._seen.get(key, 0)
-            mine = np.flatnonzero(identifier == key)[: SHOWN - seen]
-            self._seen[key] = seen + len(mine)
-            self._lines |= {number: view.lines((number,)) for number in rows.number[mine].tolist()}
+            some.append(mine[order[low : min(high, low + SHOWN - seen)]])
+            self._seen[key] = seen + len(some[-1])
+        numbers = rows.number[np.concatenate(some)]
+        lines = view.each_line(numbers).tolist()
+        self._lines |= {number: (line,) if line else () for number, line in zip(numbers.tolist(), lines, strict=True)}
 
     def _opened(self, identifier: Array) -> list[int]:
         """Return which of these identifiers may have more frames whose bytes are kept."""

@@ -10,6 +10,7 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.diagnosis.budgets import senders_of
 from analyzer.rules.diagnosis.search import FrameLists
 from analyzer.rules.frames.malformed import FrameForm
+from analyzer.rules.recent import SOON_GONE
 from analyzer.tables import FD, VERDICTS
 from dissectors.kit import Occurrences
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, Kept, Severity, Values, View
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
-BUS = 32  # bits below the bus in a session
+_BUS = 32  # bits below the bus in a session
+_NEVER = (1 << 63) - 1  # the number of a frame that there is not
 
 
 _COLUMNS = ("number", "session", "t", "id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
@@ -30,12 +32,12 @@ class LooseFrames:
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types, all of them int64.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `kinds` are bits that say what is told of each. `lines` are `kept` of frames that may be gone when they are
-    needed, else they are empty; there are none as long as none are kept.
+    data. `kinds` are bits that say what is told of each. Lines are `kept` of those that waited from one batch to
+    another: they are told with these, which are looked up when they are needed, or before the frames are gone.
 
     Args:
         cells: the columns, one below the other.
-        lines: texts, one for each.
+        lines: one for each, empty if it was not looked up; None as long as none was.
     """
 
     number: Array
@@ -70,6 +72,13 @@ class LooseFrames:
     def none(cls) -> LooseFrames:
         """Return no frames."""
         return cls(np.empty((len(_COLUMNS), 0), np.int64))
+
+    @classmethod
+    def blank(cls, rows: int) -> LooseFrames:
+        """Return rows without frames, of which no lines are looked up."""
+        cells = np.zeros((len(_COLUMNS), rows), np.int64)
+        cells[_PLACES["number"]] = _NEVER
+        return cls(cells)
 
     @classmethod
     def of(cls, view: View, rows: Array, session: Array) -> LooseFrames:
@@ -123,29 +132,45 @@ class LooseFrames:
             cells = self.cells.take(rows, axis=1)
         return LooseFrames(cells, None if self.lines is None else self.lines[rows])
 
+    def put(self, rows: Array, frames: LooseFrames) -> None:
+        """Put others in place of some."""
+        self.cells[:, rows] = frames.cells
+        if self.lines is None and frames.lines is not None:
+            self.lines = _no_lines(len(self))
+        if self.lines is not None:
+            self.lines[rows] = "" if frames.lines is None else frames.lines
+
+    def clear(self, rows: Array) -> None:
+        """Leave no frames in place of some."""
+        self.number[rows] = _NEVER
+        if self.lines is not None:
+            self.lines[rows] = ""
+
     @property
     def bus(self) -> Array:
         """Their interfaces."""
-        found: Array = self.session >> BUS
+        found: Array = self.session >> _BUS
         return found
 
     def keep_lines(self, view: View) -> None:
-        """Keep the lines that are not kept yet: the frames may be gone when they are told."""
-        rows = (self.kept == 0).nonzero()[0]
-        if len(rows):
-            self.note_lines(view, rows)
-            self.kept[rows] = self.all_lines[rows].astype(bool)
+        """Keep the lines of all: they are of earlier batches, and the frames may be gone when they are told."""
+        self.kept[:] = 1
+        first = view.frames.first
+        old = (self.number < min(first, first + len(view.frames) - SOON_GONE)).nonzero()[0]
+        if len(old):
+            lines = _no_lines(len(self)) if self.lines is None else self.lines
+            old = old[~lines[old].astype(bool)]
+            lines[old] = view.each_line(self.number[old])
+            self.lines = lines
 
-    def note_lines(self, view: View, rows: Array) -> None:
-        """Ask for the lines of some."""
-        self.all_lines[rows] = view.each_line(self.number[rows])
-
-    @property
-    def all_lines(self) -> Array:
-        """The lines of all, empty ones of those that are not kept."""
-        if self.lines is None:
-            self.lines = _no_lines(len(self))
-        return self.lines
+    def look_up(self, view: View, rows: Array) -> list[str]:
+        """Return the lines of some, empty ones of frames that are gone."""
+        found = _no_lines(len(rows)) if self.lines is None else self.lines[rows]
+        missing = (~found.astype(bool)).nonzero()[0]
+        if len(missing):
+            found[missing] = view.each_line(self.number[rows[missing]])
+        lines: list[str] = found.tolist()
+        return lines
 
     @property
     def senders(self) -> Array:
@@ -159,21 +184,27 @@ class LooseFrames:
     def whose(self, k: int) -> tuple[int, int]:
         """Return the bus of one, and what the identifiers of its session have in common."""
         session = self.session.item(k)
-        return session >> BUS, session & ((1 << BUS) - 1)
+        return session >> _BUS, session & ((1 << _BUS) - 1)
 
     def form(self, k: int) -> FrameForm:
         """Return what is said of one of them."""
         return FrameForm(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
 
     def breaches(
-        self, rule: str, values: Callable[[int], Values], *, severity: Severity | None = None, drops: bool = False
+        self,
+        view: View,
+        rule: str,
+        values: Callable[[int], Values],
+        *,
+        severity: Severity | None = None,
+        drops: bool = False,
     ) -> Occurrences:
         """Return them, whose lines are kept or not, as breaches of a rule; `values` are those of a row."""
-        number, lines = self.number, self.lines
+        number = self.number
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=(lambda k: (lines[k],)) if lines is not None and self.kept.all() else None,
+            lines=(lambda k: tuple(self.look_up(view, np.array([k])))) if self.kept.all() else None,
         )  # fmt: skip
 
 

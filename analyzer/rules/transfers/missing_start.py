@@ -14,7 +14,7 @@ from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, 
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
 from analyzer.rules.transfers.lists import picked
-from analyzer.rules.transfers.loose_frames import LooseFrames
+from analyzer.rules.transfers.open_frames import OpenFrames
 from analyzer.tables import FD, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
 
     from analyzer.rules.diagnosis.causes import Cause
+    from analyzer.rules.transfers.loose_frames import LooseFrames
     from dissectors.kit import Array, Severity, Values, View
 
 # What a sender that was busy as the capture began explains.
@@ -63,14 +64,10 @@ class _Remainders(NamedTuple):
         found: list[int] = self.frames.number[self.offsets.item(k) : self.offsets.item(k + 1)].tolist()
         return found
 
-    def note_lines(self, view: View, rows: Array) -> None:
-        """Ask for the lines of some, as far as they are not kept."""
-        _, places = picked(self.offsets, rows)
-        self.frames.note_lines(view, places[self.frames.kept[places] == 0])
-
-    def lines(self, k: int) -> tuple[str, ...]:
-        """Return the lines of one that were kept or asked for."""
-        return tuple(filter(None, self.frames.all_lines[self.offsets.item(k) : self.offsets.item(k + 1)].tolist()))
+    def lines(self, view: View, k: int) -> tuple[str, ...]:
+        """Return the lines of one that are kept."""
+        rows = np.arange(self.offsets.item(k), self.offsets.item(k + 1))
+        return tuple(filter(None, self.frames.look_up(view, rows)))
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""
@@ -120,16 +117,15 @@ class _Told(NamedTuple):
 
     def excused(self, view: View, rows: Array) -> Iterator[_Excused]:
         """Yield some, with their lines."""
-        self.of.note_lines(view, rows)
         first, (offsets, places) = self.first.take(rows), picked(self.of.offsets, rows)
-        numbers, lines = self.of.frames.number[places].tolist(), self.of.frames.all_lines[places].tolist()
+        numbers, lines = self.of.frames.number[places].tolist(), self.of.frames.look_up(view, places)
         columns = (first.t, first.bus, first.node, first.code, first.tail, self.what[rows])
         each = zip(*(column.tolist() for column in columns), self.causes(rows), strict=True)
         for (low, high), (t, bus, node, code, tail, what, cause) in zip(pairwise(offsets.tolist()), each, strict=True):
             frames, kept = tuple(numbers[low:high]), tuple(filter(None, lines[low:high]))
             yield _Excused(t, bus, node, view.type_name(code), frames, tail, FORMS[what].what, cause.detail, kept)
 
-    def occurrences(self, rows: Array, *, kept: bool) -> Iterator[Occurrences]:
+    def occurrences(self, view: View, rows: Array, *, kept: bool) -> Iterator[Occurrences]:
         """Yield some together; the lines are `kept` of all if their frames may be gone."""
         if not len(rows):
             return
@@ -138,16 +134,17 @@ class _Told(NamedTuple):
         early = self.early[rows]
         for noted in dict.fromkeys(early.tolist()):
             some = np.flatnonzero(early == noted)
-            yield self._alike(rows[some], key[some], "note" if noted else None, kept=kept)
+            severity: Severity | None = "note" if noted else None
+            yield self._alike(view, rows[some], key[some], severity, kept=kept)
 
-    def _alike(self, rows: Array, key: Array, severity: Severity | None, *, kept: bool) -> Occurrences:
+    def _alike(self, view: View, rows: Array, key: Array, severity: Severity | None, *, kept: bool) -> Occurrences:
         """Return some of one severity."""
         first = self.first.take(rows)
         return Occurrences(
             rule="TRF-005", t=first.t, bus=first.bus, node=first.node, type=first.code, frame=first.number,
             values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.numbers(rows.item(k)),
             key=key, severity=severity, drops=True, each_named=True,
-            lines=(lambda k: self.of.lines(rows.item(k))) if kept else None,
+            lines=(lambda k: self.of.lines(view, rows.item(k))) if kept else None,
         )  # fmt: skip
 
 
@@ -161,7 +158,7 @@ class MissingStart:
     def __init__(self, begun: Firsts) -> None:
         self._begun = begun
         self._remainders = Remainders(MOST_OPEN, MOST_FRAMES, TIMEOUT)
-        self._open = LooseFrames.none()  # frames of those that are open
+        self._open = OpenFrames()
         self._orphaned = Firsts(MOST_OPEN)
         self._early_ones: dict[int, list[_Excused]] = {}  # by session and what is missing
         self._excused = 0
@@ -192,10 +189,10 @@ class MissingStart:
     def _closed(self, orphans: LooseFrames, *, last: bool) -> _Remainders:
         """Return the remainders that can get no more frames, with these orphans, as they are closed."""
         made = self._remainders.add(orphans.session, orphans.t, orphans.tail, orphans.size, last)
-        places, offsets, received, left = (cells(column, np.int64) for column in made)
-        frames = LooseFrames.behind_each_other((self._open, orphans)) if len(self._open) else orphans
-        self._open = frames.take(left)
-        return _Remainders(frames.take(places), offsets, received)
+        slots, ended, offsets, received = (cells(column, np.int64) for column in made)
+        named = (slots >= 0).nonzero()[0]
+        self._open.put(slots[named], orphans if len(named) == len(slots) else orphans.take(named))
+        return _Remainders(self._open.take(ended), offsets, received)
 
     def _told(self, view: View, closed: _Remainders, together: list[Occurrences]) -> Iterator[Occurrence]:
         told = self._searched(view, closed)
@@ -206,11 +203,8 @@ class MissingStart:
         old = closed.old | (closed.sizes > MOST_LINES)
         if early.any() or self._early_ones:
             old |= yield from self._going_on(view, told, wanted)
-        together += told.occurrences(np.flatnonzero(wanted & ~old), kept=False)
-        rows = np.flatnonzero(wanted & old)
-        if len(rows):
-            closed.note_lines(view, rows)
-        together += told.occurrences(rows, kept=True)
+        for kept in (False, True):
+            together += told.occurrences(view, np.flatnonzero(wanted & (old == kept)), kept=kept)
 
     def _going_on(self, view: View, told: _Told, wanted: Array) -> Generator[Occurrence, None, Array]:
         """Hold back those that are excused, which are `wanted` no more, and yield those whose sessions go on like that.

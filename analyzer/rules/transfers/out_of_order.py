@@ -82,12 +82,12 @@ class OutOfOrder:
         rows = np.flatnonzero((frames.verdict == COPY) & (form != NOTHING))
         if len(rows):
             copies = frames.take(rows)
-            together.append(copies.breaches("TRF-004", partial(_copy, view, copies), drops=True))
+            together.append(copies.breaches(view, "TRF-004", partial(_copy, view, copies), drops=True))
         rows = np.flatnonzero((frames.verdict == OTHER_ID) & (form != NOTHING))
         if len(rows):
             others, found = frames.take(rows), [answers.get(row) for row in rows.tolist()]
             values = partial(_other_id, view, others, found, form[rows])
-            together.append(others.breaches("TRF-009", values, drops=True))
+            together.append(others.breaches(view, "TRF-009", values, drops=True))
         together.sort(key=lambda one: int(one.frame[0]))
         yield from self._missing_start.add(view, frames.take(alone), together, last=last)
         if last:

@@ -50,7 +50,7 @@ class UnassignedFrames(Rule):
         ready = [self._corrected(view)]
         if self._follow(view) and len(self._held):
             ready.append(self._let_go(self._begins(self._held.session)))
-        yield from self._report(LooseFrames.joined(ready))
+        yield from self._report(view, LooseFrames.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
 
@@ -69,16 +69,16 @@ class UnassignedFrames(Rule):
         certain = self._begins(session)
         told, wait = new.take(certain), new.take(~certain)
         del new, session, rows, odd  # they are large
-        yield from self._report(told)
+        yield from self._report(view, told)
         self._held = LooseFrames.joined((self._held, wait))
         over = len(self._held) - MOST_HELD
         if over > 0:
             oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
-            yield from self._report(oldest)
+            yield from self._report(view, oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
-        yield from self._report(self._held)
+        yield from self._report(view, self._held)
         yield from self._out_of_order.finish(view)
 
     def _follow(self, view: View) -> bool:
@@ -128,7 +128,7 @@ class UnassignedFrames(Rule):
         frames.kinds[:] = _kinds(view, frames, late.anomaly[np.array(rows, np.int64)])
         return frames
 
-    def _report(self, frames: LooseFrames) -> Iterator[Occurrences]:
+    def _report(self, view: View, frames: LooseFrames) -> Iterator[Occurrences]:
         if not len(frames):
             return
         kinds, kept = frames.kinds, frames.kept == 1
@@ -137,7 +137,7 @@ class UnassignedFrames(Rule):
         each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~kept, kept)]
         for kind, rows in sorted((one for one in each if len(one[1])), key=lambda one: one[1].item(0)):
             some = frames.take(rows)
-            yield some.breaches(kind.rule, partial(_values_of, kind, some), severity=kind.severity)
+            yield some.breaches(view, kind.rule, partial(_values_of, kind, some), severity=kind.severity)
         self._out_of_order.add(frames.take(_OUT_OF_ORDER[frames.verdict]))
 
 

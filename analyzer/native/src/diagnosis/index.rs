@@ -40,6 +40,7 @@ pub struct Whole<'a> {
     pub t: i64,
     pub bus: u8,
     pub id: u32,
+    pub flags: u16,
     pub data: &'a [u8],
 }
 
@@ -134,6 +135,7 @@ impl Index {
             t: columns.t[row],
             bus: columns.bus[row],
             id: columns.id[row],
+            flags: columns.flags[row],
             data: &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize],
         }
     }
@@ -224,6 +226,11 @@ impl<'a> Frames<'a> {
     /// A frame, whatever it is.
     pub fn whole(&self, number: u64) -> Option<Whole<'a>> {
         self.find(number).map(|(index, row)| index.whole(row))
+    }
+
+    /// A frame as a line of candump has it; None for one that is not there.
+    pub fn shown(&self, number: u64, buses: &'a [String]) -> Option<Frame<'a>> {
+        self.find(number).and_then(|(index, _)| index.frame(number, buses))
     }
 
     /// Frames of a session among some, whatever they are, the last one first.

@@ -24,7 +24,13 @@ impl Firsts {
 
     /// Adds keys with times and numbers of frames: how many were new.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn add(&mut self, py: Python<'_>, keys: PyBuffer<i64>, t: PyBuffer<i64>, numbers: PyBuffer<i64>) -> PyResult<usize> {
+    fn add(
+        &mut self,
+        py: Python<'_>,
+        keys: PyBuffer<i64>,
+        t: PyBuffer<i64>,
+        numbers: PyBuffer<i64>,
+    ) -> PyResult<usize> {
         let (keys, t, numbers) = (keys.to_vec(py)?, t.to_vec(py)?, numbers.to_vec(py)?);
         if [t.len(), numbers.len()] != [keys.len(); 2] {
             return Err(PyValueError::new_err("columns that do not fit together"));

@@ -12,28 +12,21 @@ type Column<'py> = Bound<'py, Cells>;
 /// Puts orphans together.
 #[pyclass]
 #[derive(Clone)]
-pub struct Remainders {
-    rests: remainders::Remainders,
-    /// The serial number of each frame of those that are open.
-    of: Vec<i64>,
-}
+pub struct Remainders(remainders::Remainders);
 
 #[pymethods]
 impl Remainders {
     /// So many are `open` at most, and so many frames of each `named`; `timeout` in ns.
     #[new]
-    fn new(open: usize, named: u32, timeout: i64) -> Self {
-        Remainders {
-            rests: remainders::Remainders::new(Limits { open, named, timeout }),
-            of: vec![],
-        }
+    fn new(open: usize, named: usize, timeout: i64) -> Self {
+        Remainders(remainders::Remainders::new(Limits { open, named, timeout }))
     }
 
     /// Adds frames: sessions, times, tail bytes, and all bytes of each; if they are the `last` ones, all are closed.
     ///
-    /// Frames are counted from the first of those that were left before. The places of the frames of remainders that are
-    /// closed, where those of each begin (one more than remainders), the bytes of each before tail bytes, and the places
-    /// of frames that are left, i64.
+    /// The slot in which each frame has its place, or -1 if it is not named; the slots of remainders that are closed, as
+    /// they are, where those of each begin (one more than remainders), the bytes of each before tail bytes, i64. Slots of
+    /// those that were closed are used again by the next call.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn add<'py>(
         &mut self,
@@ -49,22 +42,28 @@ impl Remainders {
         if [t.len(), tail.len(), size.len()] != [session.len(); 3] {
             return Err(PyValueError::new_err("columns that do not fit together"));
         }
+        self.0.forget();
+        let mut closed = vec![];
         let rows = session.into_iter().zip(t).zip(tail.into_iter().zip(size));
-        let frame = |((session, t), (tail, size))| {
+        let put = |((session, t), (tail, size))| {
             let (tail, size) = (tail as u8, size - 1);
-            Frame { session, t, tail, size }
+            let frame = Frame { session, t, tail, size };
+            self.0.add(frame, &mut closed).unwrap_or(-1)
         };
-        let made = self.rests.put(&mut self.of, rows.map(frame), last);
-        let mut begins = vec![0];
-        begins.extend(made.lists.iter().scan(0, |end, list| {
-            *end += list.len() as i64;
-            Some(*end)
-        }));
+        let slots: Vec<i64> = rows.map(put).collect();
+        if last {
+            self.0.close_all(&mut closed);
+        }
+        let (mut every, mut begins) = (vec![], vec![0]);
+        for one in &closed {
+            every.extend_from_slice(&one.slots);
+            begins.push(every.len() as i64);
+        }
         Ok((
-            Cells::own(py, made.lists.concat())?,
+            Cells::own(py, slots)?,
+            Cells::own(py, every)?,
             Cells::own(py, begins)?,
-            Cells::own(py, made.received)?,
-            Cells::own(py, made.left)?,
+            Cells::own(py, closed.iter().map(|one| one.received).collect())?,
         ))
     }
 
