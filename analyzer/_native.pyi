@@ -14,6 +14,7 @@ __all__ = [
     "Decoder",
     "EscRows",
     "Fingerprint",
+    "Firsts",
     "FrameBatch",
     "FrameIndex",
     "Group",
@@ -39,6 +40,8 @@ __all__ = [
     "crc32",
     "diagnose",
     "frame_bits",
+    "frame_cells",
+    "frame_lines",
     "grouped",
     "identities",
     "joint",
@@ -46,6 +49,7 @@ __all__ = [
     "misnumbered",
     "protobuf",
     "repeats",
+    "tails_before",
     "unrecognized",
 ]
 if sys.platform == "linux":

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _FOREIGN = VERDICTS.index("foreign")
 # Verdicts of frames without a source that have 2 bits of type; with any other one the type has 16.
 _ANONYMOUS = (_FOREIGN, VERDICTS.index("no tail"), VERDICTS.index("anonymous multi"))
+_IS_ANONYMOUS = np.array([verdict in _ANONYMOUS for verdict in range(len(VERDICTS))])
 _CYPHAL = 1 << FRAME_ANOMALIES.index("cyphal")
 PROBATION = 512  # frames of a session after which a verdict stands
 MOST_HELD = 1 << 18  # frames that wait for their verdict, then the oldest are taken as they are
@@ -196,7 +197,7 @@ class Foreign(Rule):
 def session_bits(identifier: Array, verdict: Array) -> Array:
     """Return what the identifiers of one session have in common: all but the priority, and a discriminator."""
     number = identifier.astype(np.int64)
-    anonymous = (number & 0xFF == 0) & np.isin(verdict, _ANONYMOUS)
+    anonymous = (number & 0xFF == 0) & _IS_ANONYMOUS[verdict]
     return np.where(anonymous, number & 0x300, number & 0xFF_FFFF)
 
 

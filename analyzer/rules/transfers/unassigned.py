@@ -48,8 +48,10 @@ class UnassignedFrames(Rule):
         """Yield frames of this batch, and earlier ones that became certain."""
         self._held.keep_lines(view)  # of those that still wait
         ready = [self._corrected(view)]
-        if self._follow(view) and len(self._held):
-            ready.append(self._let_go(self._begins(self._held.session)))
+        begun = self._follow(view)
+        if len(begun) and len(self._held):
+            held = self._held.session
+            ready.append(self._let_go(begun[np.minimum(begun.searchsorted(held), len(begun) - 1)] == held))
         yield from self._report(view, LooseFrames.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
@@ -81,16 +83,18 @@ class UnassignedFrames(Rule):
         yield from self._report(view, self._held)
         yield from self._out_of_order.finish(view)
 
-    def _follow(self, view: View) -> bool:
-        """Note first transfers of sessions; whether there were any."""
+    def _follow(self, view: View) -> Array:
+        """Note first transfers of sessions; return these sessions in order if any is new."""
         t = view.transfers
         rows = np.flatnonzero(~t.has("step"))
         if not len(rows):
-            return False
+            return rows
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
         service = type_id << 16 | (kind == 2) << 15 | t.dst[rows].astype(np.int64) << 8 | 0x80 | src
         session = t.bus[rows].astype(np.int64) << 32 | np.where(kind > 1, service, type_id << 8 | src)
-        return self._begun.add(session, t.t[rows], t.lead[rows]) > 0
+        if not self._begun.add(session, t.t[rows], t.lead[rows]):
+            return rows[:0]
+        return np.sort(session[self._begins(session)])
 
     def _begins(self, session: Array) -> Array:
         """Return which sessions have had a transfer."""
