@@ -147,8 +147,11 @@ impl Remainders {
 mod tests {
     use super::*;
 
-    /// The slots of frames, and what was closed in turn: slots and bytes.
-    fn put(rests: &mut Remainders, frames: &[(i64, i64, u8)]) -> (Vec<Option<i64>>, Vec<(Vec<i64>, i64)>) {
+    /// Slots and bytes of one that was closed.
+    type Ended = (Vec<i64>, i64);
+
+    /// The slots of frames, and what was closed in turn.
+    fn put(rests: &mut Remainders, frames: &[(i64, i64, u8)]) -> (Vec<Option<i64>>, Vec<Ended>) {
         let mut closed = vec![];
         let frame = |&(session, t, tail)| Frame {
             session,
