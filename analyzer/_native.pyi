@@ -14,6 +14,7 @@ __all__ = [
     "Decoder",
     "EscRows",
     "Fingerprint",
+    "Firsts",
     "FrameBatch",
     "FrameIndex",
     "Group",
@@ -39,6 +40,8 @@ __all__ = [
     "crc32",
     "diagnose",
     "frame_bits",
+    "frame_cells",
+    "frame_lines",
     "grouped",
     "identities",
     "joint",
@@ -46,6 +49,7 @@ __all__ = [
     "misnumbered",
     "protobuf",
     "repeats",
+    "tails_before",
     "unrecognized",
 ]
 if sys.platform == "linux":
@@ -267,6 +271,9 @@ def diagnose(
 def misnumbered(
     batches: list[FrameIndex], types: list[list[int]], asked: tuple[Any, Any, Any, Any]
 ) -> tuple[Cells, Cells]: ...
+def tails_before(batches: list[FrameIndex], numbers: Any, sessions: Any, look: int) -> Cells: ...
+def frame_lines(batches: list[FrameIndex], numbers: Any, buses: Sequence[str]) -> list[str]: ...
+def frame_cells(batches: list[FrameIndex], numbers: Any) -> tuple[Cells, list[Cells]]: ...
 def grouped(keys: Any) -> tuple[Cells, Cells]: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
 
@@ -314,9 +321,16 @@ class Calls:
 @final
 class Remainders:
     def __new__(cls, open: int, named: int, timeout: int) -> Remainders: ...  # noqa: A002
-    def add(self, session: Any, t: Any, tail: Any, size: Any) -> tuple[Cells, Cells, Cells]: ...
-    def close(self) -> tuple[Cells, Cells]: ...
+    def add(self, session: Any, t: Any, tail: Any, size: Any, last: bool) -> tuple[Cells, Cells, Cells, Cells]: ...
     def __deepcopy__(self, _memo: object, /) -> Remainders: ...
+
+@final
+class Firsts:
+    def __new__(cls, most: int) -> Firsts: ...
+    def add(self, keys: Any, t: Any, numbers: Any) -> int: ...
+    def has(self, keys: Any) -> Cells: ...
+    def find(self, keys: Any, t: int, number: int) -> tuple[Cells, Cells]: ...
+    def __deepcopy__(self, _memo: object, /) -> Firsts: ...
 
 @final
 class OrphanIndex:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 NOBODY = -1  # in place of a node ID and of a type
 _FOREIGN = VERDICTS.index("foreign")
 # Verdicts that frames of anonymous senders never have: without a source, the sender has no node ID and names its type.
-_STRAY = [VERDICTS.index(name) for name in ("orphan", "wrong toggle", "wrong transfer id", "duplicate")]
+_IS_STRAY = np.array([name in {"orphan", "wrong toggle", "wrong transfer id", "duplicate"} for name in VERDICTS])
 
 
 def who(identifier: Array, flags: Array, verdict: Array) -> tuple[Array, Array]:
@@ -22,7 +22,7 @@ def who(identifier: Array, flags: Array, verdict: Array) -> tuple[Array, Array]:
     number = identifier.astype(np.int64)
     service = number >> 7 & 1 == 1
     without = ~service & (number & 0x7F == 0)
-    nameless = without & (number & 0xFF_FC00 != 0) & np.isin(verdict, _STRAY)
+    nameless = without & (number & 0xFF_FC00 != 0) & _IS_STRAY[verdict]
     anonymous = without & ~nameless
     kind = np.where(service, np.where(number >> 15 & 1 == 1, 2, 3), np.where(anonymous, 1, 0))
     type_id = np.where(service, number >> 16 & 0xFF, np.where(anonymous, number >> 8 & 3, number >> 8 & 0xFFFF))

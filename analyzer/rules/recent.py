@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from analyzer._native import FrameIndex
+from analyzer._native import FrameIndex, frame_cells, frame_lines
+from analyzer.decode.sent import cells
 from dissectors.kit import Kept
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from dissectors.kit import Array, FrameTable
 
 KEPT = 1 << 18
+SOON_GONE = KEPT // 4  # frames: what is as far back is still there, unless the next batch is three times as long
 _MOST_REMEMBERED = 1 << 12  # frames asked for lately: whoever asks again does so soon
 MOST_LINES = 16
 
@@ -49,7 +51,6 @@ class Recent:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._firsts: list[int] = []
-        self._begins = np.empty(0, np.int64)  # the same
         self._cells: list[_Cells | None] = []
         self._held = 0
         self._natives: dict[int, FrameIndex] = {}
@@ -68,7 +69,6 @@ class Recent:
             del self._firsts[0], self._cells[0]
             self._held -= len(gone)
             self._natives.pop(gone.first, None)
-        self._begins = np.array(self._firsts, np.int64)
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
@@ -90,22 +90,13 @@ class Recent:
         return found
 
     def columns(self, numbers: Array) -> tuple[Array, ...]:
-        """Return which of some frames are not gone, and their cells: t, bus, id, flags and tail."""
-        known = np.zeros(len(numbers), bool)
-        cells = tuple(np.zeros(len(numbers), kind) for kind in (np.int64, np.int64, np.int64, np.int64, np.uint8))
-        for batch, mine in self._having(numbers):
-            known[mine], rows = True, numbers[mine] - batch.first
-            for cell, column in zip(cells, (batch.t, batch.bus, batch.id, batch.flags, batch.tail), strict=True):
-                cell[mine] = column[rows]
-        return known, *cells
+        """Return which of some frames are not gone, and their cells: t, bus, id, flags and tail, int64."""
+        known, found = frame_cells(self._having(numbers), numbers)
+        return cells(known, bool), *(cells(column, np.int64) for column in found)
 
-    def _having(self, numbers: Array) -> Iterator[tuple[FrameTable, Array]]:
-        """Yield the batches that have some of the frames, and which ones: a live session has very many batches."""
-        at = self._begins.searchsorted(numbers, "right") - 1
-        for place in sorted(set(at.tolist())):
-            if place >= 0:
-                batch = self._batches[place]
-                yield batch, ((at == place) & (numbers < batch.first + len(batch))).nonzero()[0]
+    def _having(self, numbers: Array) -> list[FrameIndex]:
+        """Return the batches that may have some of the frames."""
+        return self.indexes(int(numbers.min()), int(numbers.max()) + 1) if len(numbers) else []
 
     def _opened(self, at: int) -> _Cells:
         """Return what gives the cells of a row of a batch."""
@@ -151,10 +142,7 @@ class Recent:
 
     def each_line(self, numbers: Array, buses: Sequence[str]) -> Array:
         """Return many frames as `candump -l` writes them, one text each: an empty one for those that are gone."""
-        found = np.full(len(numbers), "", object)
-        for batch, mine in self._having(numbers):
-            found[mine] = self._native(batch).lines(numbers[mine].tolist(), buses)
-        return found
+        return np.array(frame_lines(self._having(numbers), numbers, buses), object)
 
     def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames of one batch."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _SERVICE = 2  # this kind and those above it
 CRC_BEGIN = 0xFFFF
+_MOST_FRAMING = 1 << 12  # types of which that is known: identifiers may name any
 
 
 @lru_cache(maxsize=4096)
@@ -28,6 +29,7 @@ class Types:
         self._registry = registry
         self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
         self._undefined: dict[int, Mapping[int, str]] = {}
+        self._framing: dict[int, tuple[list[int], int | None]] = {}
 
     def signatures(self, code: int) -> Sequence[int]:
         """Return those of the known types with this ID, the preferred one first; none for an unknown type."""
@@ -52,6 +54,16 @@ class Types:
         if message is None or message.layout.min_bits != message.layout.max_bits:
             return None
         return (message.layout.max_bits + 7) // 8
+
+    def framing(self, code: int) -> tuple[list[int], int | None]:
+        """Return from which values the CRC of a transfer may start (`signatures`), and its `fixed_bytes`."""
+        known = self._framing.get(code)
+        if known is None:
+            if len(self._framing) >= _MOST_FRAMING:
+                self._framing.clear()
+            starts = [crc_start(one) for one in self.signatures(code)]
+            known = self._framing[code] = (starts, self.fixed_bytes(code))
+        return known
 
     def starting_from(self, value: int) -> Sequence[str]:
         """Return full names of the types whose transfer CRCs start from this value."""

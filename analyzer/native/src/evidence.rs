@@ -8,6 +8,7 @@ use crate::frames::{DLC_SHIFT, EXTENDED, FD, NO_TIME, REMOTE};
 const SECOND: i64 = 1_000_000_000;
 /// The bits BRS and ESI, as the form of CAN FD has them behind `##`.
 const MARKS: u16 = 4;
+const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
 
 /// The cells of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +44,11 @@ impl Frame<'_> {
         if flags & FD != 0 {
             write!(out, "#{:X}", flags >> MARKS & 3)?;
         }
-        self.data.iter().try_for_each(|byte| write!(out, "{byte:02X}"))
+        for byte in self.data {
+            out.push(char::from(DIGITS[usize::from(byte >> 4)]));
+            out.push(char::from(DIGITS[usize::from(byte & 15)]));
+        }
+        Ok(())
     }
 }
 

@@ -4,7 +4,7 @@
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`], [`ending`] ->
 //! [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`], [`unpack`] ->
 //! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
-//! of them, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
+//! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
 //! [`joint`] where several senders lack some, [`alike`] which frames come again, [`load`] how long one takes, [`motor`]
 //! how an ESC compares with its own past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by
 //! templates, [`evidence`] frames of findings. None of them knows Python or does I/O, but for `receive`, which empties
@@ -28,6 +28,7 @@ pub mod dronecan_log;
 pub mod ending;
 pub mod events;
 pub mod evidence;
+pub mod firsts;
 pub mod frame_batch;
 pub mod frames;
 pub mod grouped;

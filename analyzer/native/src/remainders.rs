@@ -10,7 +10,7 @@ const ID: u8 = 0x1F;
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     pub open: usize,
-    pub named: u32,
+    pub named: usize,
     pub timeout: i64,
 }
 
@@ -23,21 +23,38 @@ pub struct Frame {
     pub size: i64,
 }
 
-/// One that may get more frames.
-#[derive(Clone, Copy, Debug)]
+/// One that may get more frames. `slots` are those of its frames that are named.
+#[derive(Clone, Debug)]
 struct Open {
     serial: i64,
     transfer_id: u8,
     latest: i64,
     received: i64,
-    frames: u32,
+    slots: Vec<i64>,
 }
 
-/// One that gets no more frames, and how many bytes it had.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// One that gets no more frames: how many bytes it had, and where those stand that are named.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Closed {
-    pub serial: i64,
     pub received: i64,
+    pub slots: Vec<i64>,
+}
+
+/// Slots of frames, somewhere else: those that are free, those that are once they have been read, how many there are.
+#[derive(Clone, Debug, Default)]
+struct Slots {
+    free: Vec<i64>,
+    read: Vec<i64>,
+    count: i64,
+}
+
+impl Slots {
+    fn take(&mut self) -> i64 {
+        self.free.pop().unwrap_or_else(|| {
+            self.count += 1;
+            self.count - 1
+        })
+    }
 }
 
 /// Puts orphans together: those of a session with one transfer ID, up to the end bit or a timeout.
@@ -47,6 +64,7 @@ pub struct Remainders {
     open: HashMap<i64, Open>,
     order: BTreeMap<i64, i64>, // sessions by serial numbers
     next: i64,
+    slots: Slots,
 }
 
 impl Remainders {
@@ -56,11 +74,16 @@ impl Remainders {
             open: HashMap::new(),
             order: BTreeMap::new(),
             next: 0,
+            slots: Slots::default(),
         }
     }
 
-    /// Adds a frame: the serial number of its remainder, None if that has too many to name; what is closed is added to
-    /// `closed`.
+    /// Forgets where those stand that were closed, which have been read: others may stand there now.
+    pub fn forget(&mut self) {
+        self.slots.free.append(&mut self.slots.read);
+    }
+
+    /// Adds a frame: its slot, None if its remainder has too many to name; what is closed is added to `closed`.
     pub fn add(&mut self, frame: Frame, closed: &mut Vec<Closed>) -> Option<i64> {
         let Frame { session, t, tail, size } = frame;
         let transfer_id = tail & ID;
@@ -68,19 +91,18 @@ impl Remainders {
         if self.open.get(&session).is_some_and(over) {
             self.close(session, closed);
         }
-        let named = if let Some(one) = self.open.get_mut(&session) {
-            one.latest = t;
-            one.received += size;
-            let named = one.frames < self.limits.named;
-            one.frames += u32::from(named);
-            named.then_some(one.serial)
-        } else {
-            Some(self.begin(frame, closed))
-        };
+        if !self.open.contains_key(&session) {
+            self.begin(session, transfer_id, closed);
+        }
+        let one = self.open.get_mut(&session)?;
+        one.latest = t;
+        one.received += size;
+        let slot = (one.slots.len() < self.limits.named).then(|| self.slots.take());
+        one.slots.extend(slot);
         if tail & END != 0 {
             self.close(session, closed);
         }
-        named
+        slot
     }
 
     /// Closes all that are open, the oldest first.
@@ -90,7 +112,7 @@ impl Remainders {
         }
     }
 
-    fn begin(&mut self, frame: Frame, closed: &mut Vec<Closed>) -> i64 {
+    fn begin(&mut self, session: i64, transfer_id: u8, closed: &mut Vec<Closed>) {
         if self.open.len() >= self.limits.open {
             if let Some((_, oldest)) = self.order.pop_first() {
                 self.close(oldest, closed);
@@ -98,22 +120,25 @@ impl Remainders {
         }
         let serial = self.next;
         self.next += 1;
-        self.order.insert(serial, frame.session);
+        self.order.insert(serial, session);
         let one = Open {
             serial,
-            transfer_id: frame.tail & ID,
-            latest: frame.t,
-            received: frame.size,
-            frames: 1,
+            transfer_id,
+            latest: 0,
+            received: 0,
+            slots: vec![],
         };
-        self.open.insert(frame.session, one);
-        serial
+        self.open.insert(session, one);
     }
 
     fn close(&mut self, session: i64, closed: &mut Vec<Closed>) {
-        if let Some(Open { serial, received, .. }) = self.open.remove(&session) {
-            self.order.remove(&serial);
-            closed.push(Closed { serial, received });
+        if let Some(one) = self.open.remove(&session) {
+            self.order.remove(&one.serial);
+            self.slots.read.extend(&one.slots);
+            closed.push(Closed {
+                received: one.received,
+                slots: one.slots,
+            });
         }
     }
 }
@@ -122,8 +147,11 @@ impl Remainders {
 mod tests {
     use super::*;
 
-    /// What became of frames: the serial number of each, and what was closed in turn.
-    fn put(rests: &mut Remainders, frames: &[(i64, i64, u8)]) -> (Vec<Option<i64>>, Vec<(i64, i64)>) {
+    /// Slots and bytes of one that was closed.
+    type Ended = (Vec<i64>, i64);
+
+    /// The slots of frames, and what was closed in turn.
+    fn put(rests: &mut Remainders, frames: &[(i64, i64, u8)]) -> (Vec<Option<i64>>, Vec<Ended>) {
         let mut closed = vec![];
         let frame = |&(session, t, tail)| Frame {
             session,
@@ -131,8 +159,8 @@ mod tests {
             tail,
             size: 7,
         };
-        let serials = frames.iter().map(|one| rests.add(frame(one), &mut closed)).collect();
-        (serials, closed.iter().map(|one| (one.serial, one.received)).collect())
+        let slots = frames.iter().map(|one| rests.add(frame(one), &mut closed)).collect();
+        (slots, closed.into_iter().map(|one| (one.slots, one.received)).collect())
     }
 
     fn rests() -> Remainders {
@@ -146,47 +174,59 @@ mod tests {
     #[test]
     fn an_end_another_id_and_a_timeout_close() {
         let mut rests = rests();
-        let (serials, closed) = put(
+        let (slots, closed) = put(
             &mut rests,
             &[(1, 0, 3), (1, 9, 0x43), (1, 9, 3), (1, 10, 4), (1, 21, 4)],
         );
-        assert_eq!(serials, [Some(0), Some(0), Some(1), Some(2), Some(3)]);
-        assert_eq!(closed, [(0, 14), (1, 7), (2, 7)]);
+        assert_eq!(slots, [0, 1, 2, 3, 4].map(Some));
+        assert_eq!(closed, [(vec![0, 1], 14), (vec![2], 7), (vec![3], 7)]);
     }
 
     #[test]
     fn frames_beyond_those_that_are_named_count() {
         let mut rests = rests();
-        let (serials, _) = put(&mut rests, &[(1, 0, 3); 3]);
-        assert_eq!(serials, [Some(0), Some(0), None]);
+        let (slots, _) = put(&mut rests, &[(1, 0, 3); 3]);
+        assert_eq!(slots, [Some(0), Some(1), None]);
         let mut closed = vec![];
         rests.close_all(&mut closed);
-        assert_eq!(
-            closed,
-            [Closed {
-                serial: 0,
-                received: 21
-            }]
-        );
+        let (received, slots) = (21, vec![0, 1]);
+        assert_eq!(closed, [Closed { received, slots }]);
+    }
+
+    #[test]
+    fn a_slot_is_free_once_it_was_read() {
+        let mut rests = rests();
+        put(&mut rests, &[(1, 0, 3), (2, 0, 4), (1, 0, 0x43)]);
+        assert_eq!(put(&mut rests, &[(3, 0, 5)]).0, [Some(3)]);
+        rests.forget();
+        let (slots, closed) = put(&mut rests, &[(2, 0, 4), (2, 0, 0x44), (4, 0, 0x41)]);
+        assert_eq!(slots, [Some(2), None, Some(0)]);
+        assert_eq!(closed, [(vec![1, 2], 21), (vec![0], 7)]);
+        rests.forget();
+        assert_eq!(put(&mut rests, &[(4, 0, 1), (5, 0, 1)]).0, [Some(0), Some(2)]);
     }
 
     #[test]
     fn the_oldest_makes_room() {
         let mut rests = rests();
         let (_, closed) = put(&mut rests, &[(1, 0, 3), (2, 0, 3), (1, 0, 3), (3, 0, 3), (1, 0, 3)]);
-        assert_eq!(closed, [(0, 14), (1, 7)], "a frame more makes none younger");
+        assert_eq!(
+            closed,
+            [(vec![0, 2], 14), (vec![1], 7)],
+            "a frame more makes none younger"
+        );
         let mut all = vec![];
         rests.close_all(&mut all);
-        assert_eq!(all.iter().map(|one| one.serial).collect::<Vec<_>>(), [2, 3]);
+        assert_eq!(all.iter().map(|one| one.slots[0]).collect::<Vec<_>>(), [3, 4]);
         assert!(rests.open.is_empty() && rests.order.is_empty());
     }
 
     #[test]
     fn frames_without_a_time_are_no_timeout_apart() {
-        let (serials, _) = put(
+        let (_, closed) = put(
             &mut rests(),
             &[(1, i64::MIN, 3), (1, i64::MIN, 3), (1, i64::MAX, 3), (1, i64::MIN, 3)],
         );
-        assert_eq!(serials, [Some(0), Some(0), Some(1), Some(1)]);
+        assert_eq!(closed, [(vec![0, 1], 14)]);
     }
 }

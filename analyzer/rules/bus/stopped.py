@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes, HeardSessions
 from analyzer.rules.bus.sessions import Session, first_rows
-from analyzer.rules.recent import KEPT
+from analyzer.rules.recent import SOON_GONE
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ _TOOLS = (126, 127)  # which come and go
 # Types that are not judged: BUS-020 does, and what is sent when somebody asks.
 _LEFT_OUT = (NODE_STATUS, "uavcan.protocol.dynamic_node_id.Allocation")
 _MOSTLY = 0.6  # of a break is the node's silence: the last message and the next one lie up to a period around it
-_SOON_GONE = KEPT // 4  # frames: what is as far back is still there, unless the next batch is three times as long
 _SETTLES = 10 * SECOND  # within which a node that is back sends all its types again
 
 
@@ -80,7 +79,7 @@ class _Talks:
     def keep_lines(self, view: View) -> None:
         """Keep the last frames of those that are silent: they may be gone when that is told."""
         first = view.frames.first
-        old = (self.number < min(first, first + len(view.frames) - _SOON_GONE)) & ~self._has_lines
+        old = (self.number < min(first, first + len(view.frames) - SOON_GONE)) & ~self._has_lines
         places = np.flatnonzero(old)
         if len(places):
             self._has_lines[places] = True

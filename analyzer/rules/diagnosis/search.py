@@ -9,7 +9,6 @@ import numpy as np
 from analyzer._native import diagnose
 from analyzer.decode.sent import cells
 from analyzer.rules.diagnosis.causes import FORMS, GONE, Cause
-from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,6 +72,13 @@ class FrameSearch:
         found: Cause = FORMS[self.form[k]].cause(*_list(self._numbers, k))
         return found
 
+    def causes(self, rows: Array) -> list[Cause]:
+        """Return the causes of some in words."""
+        offsets, numbers = self._numbers
+        lists = zip(offsets[rows].tolist(), offsets[rows + 1].tolist(), strict=True)
+        forms = self.form[rows].tolist()
+        return [FORMS[form].cause(*numbers[low:high].tolist()) for form, (low, high) in zip(forms, lists, strict=True)]
+
     def evidence(self, k: int) -> list[int]:
         """Return frames that show it, beside those that were asked about."""
         return _list(self.shown, k)
@@ -96,10 +102,7 @@ def ask(view: View, question: int, lists: FrameLists) -> FrameSearch:
         return _NOTHING
     codes, which = np.unique(code, return_inverse=True)
     low, high = int(numbers.min()), int(numbers.max())
-    types = [
-        ([crc_start(one) for one in view.types.signatures(code)], view.types.fixed_bytes(code))
-        for code in codes.tolist()
-    ]
+    types = [view.types.framing(code) for code in codes.tolist()]
     form, flags, value, numbers_of, shown = diagnose(
         question, [*view.indexes(low - BEFORE, high + 1 + AHEAD)], types,
         (numbers.astype(np.uint64), offsets.astype(np.int64), which.astype(np.uint32), fd.astype(np.uint8)),

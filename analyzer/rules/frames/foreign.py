@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _FOREIGN = VERDICTS.index("foreign")
 # Verdicts of frames without a source that have 2 bits of type; with any other one the type has 16.
 _ANONYMOUS = (_FOREIGN, VERDICTS.index("no tail"), VERDICTS.index("anonymous multi"))
+_IS_ANONYMOUS = np.array([verdict in _ANONYMOUS for verdict in range(len(VERDICTS))])
 _CYPHAL = 1 << FRAME_ANOMALIES.index("cyphal")
 PROBATION = 512  # frames of a session after which a verdict stands
 MOST_HELD = 1 << 18  # frames that wait for their verdict, then the oldest are taken as they are
@@ -101,11 +102,20 @@ class Foreign(Rule):
         self._held.append(rows)
         self._waiting += len(rows.number)
         identifier = rows.identifier
-        for key in self._opened(identifier):
+        opened = np.array(self._opened(identifier), np.int64)
+        mine = np.isin(identifier, opened).nonzero()[0] if len(opened) else opened
+        if not len(mine):
+            return
+        order, begins = grouped(identifier[mine])
+        some = []
+        for low, high in zip(begins.tolist(), [*begins[1:].tolist(), len(order)], strict=True):
+            key = identifier.item(mine.item(order.item(low)))
             seen = self._seen.get(key, 0)
-            mine = np.flatnonzero(identifier == key)[: SHOWN - seen]
-            self._seen[key] = seen + len(mine)
-            self._lines |= {number: view.lines((number,)) for number in rows.number[mine].tolist()}
+            some.append(mine[order[low : min(high, low + SHOWN - seen)]])
+            self._seen[key] = seen + len(some[-1])
+        numbers = rows.number[np.concatenate(some)]
+        lines = view.each_line(numbers).tolist()
+        self._lines |= {number: (line,) if line else () for number, line in zip(numbers.tolist(), lines, strict=True)}
 
     def _opened(self, identifier: Array) -> list[int]:
         """Return which of these identifiers may have more frames whose bytes are kept."""
@@ -187,7 +197,7 @@ class Foreign(Rule):
 def session_bits(identifier: Array, verdict: Array) -> Array:
     """Return what the identifiers of one session have in common: all but the priority, and a discriminator."""
     number = identifier.astype(np.int64)
-    anonymous = (number & 0xFF == 0) & np.isin(verdict, _ANONYMOUS)
+    anonymous = (number & 0xFF == 0) & _IS_ANONYMOUS[verdict]
     return np.where(anonymous, number & 0x300, number & 0xFF_FFFF)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.diagnosis.budgets import senders_of
 from analyzer.rules.diagnosis.search import FrameLists
 from analyzer.rules.frames.malformed import FrameForm
+from analyzer.rules.recent import SOON_GONE
 from analyzer.tables import FD, VERDICTS
 from dissectors.kit import Occurrences
 
@@ -20,17 +21,23 @@ if TYPE_CHECKING:
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _BUS = 32  # bits below the bus in a session
+_NEVER = (1 << 63) - 1  # the number of a frame that there is not
 
 
-# Of its columns.
-_KINDS = (*[np.int64] * 3, np.uint32, np.uint16, *[np.uint8] * 2, *[np.int16] * 2, np.int32, object, bool)
+_COLUMNS = ("number", "session", "t", "id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
+_PLACES = {name: place for place, name in enumerate(_COLUMNS)}
 
 
-class LooseFrames(NamedTuple):
-    """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
+class LooseFrames:
+    """Frames outside of transfers, a row each: cells as in the table of frames, senders and types, all of them int64.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `lines` are `kept` of frames that may be gone when they are needed, else they are empty.
+    data. `kinds` are bits that say what is told of each. Lines are `kept` of those that waited from one batch to
+    another: they are told with these, which are looked up when they are needed, or before the frames are gone.
+
+    Args:
+        cells: the columns, one below the other.
+        lines: one for each, empty if it was not looked up; None as long as none was.
     """
 
     number: Array
@@ -43,22 +50,43 @@ class LooseFrames(NamedTuple):
     size: Array
     node: Array
     code: Array
-    lines: Array
+    kinds: Array
     kept: Array
+
+    def __init__(self, cells: Array, lines: Array | None = None) -> None:
+        self.cells, self.lines = cells, lines
+
+    def __getattr__(self, name: str) -> Array:
+        """Return a column."""
+        place = _PLACES.get(name)
+        if place is None:
+            raise AttributeError(name)
+        found: Array = self.cells[place]
+        return found
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return int(self.cells.shape[1])
 
     @classmethod
     def none(cls) -> LooseFrames:
         """Return no frames."""
-        return cls._make(np.empty(0, kind) for kind in _KINDS)
+        return cls(np.empty((len(_COLUMNS), 0), np.int64))
+
+    @classmethod
+    def blank(cls, rows: int) -> LooseFrames:
+        """Return rows without frames, of which no lines are looked up."""
+        cells = np.zeros((len(_COLUMNS), rows), np.int64)
+        cells[_PLACES["number"]] = _NEVER
+        return cls(cells)
 
     @classmethod
     def of(cls, view: View, rows: Array, session: Array) -> LooseFrames:
-        """Return rows of a batch."""
+        """Return rows of a batch, of no kind."""
         f = view.frames
         id_, flags, verdict = f.id[rows], f.flags[rows], f.verdict[rows]
         sender = who(id_, flags, np.where(verdict == _FOREIGN, _USED, verdict))
-        cells = rows + f.first, session, f.t[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
-        return cls._of(cells)
+        return cls._of(rows + f.first, session, f.t[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender)
 
     @classmethod
     def of_kept(cls, found: Iterable[tuple[int, int, Kept, int, int]]) -> LooseFrames:
@@ -67,27 +95,56 @@ class LooseFrames(NamedTuple):
             (number, session, kept.t, *kept[2:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), *who)
             for number, session, kept, *who in found
         ]
-        return cls._of(np.array(rows, np.int64).reshape(-1, len(cls._fields) - 2).T.copy())
+        return cls._of(*np.array(rows, np.int64).reshape(-1, len(_COLUMNS) - 2).T)
 
     @classmethod
-    def _of(cls, columns: Iterable[Array]) -> LooseFrames:
-        """Return them by all columns but those of lines."""
-        cells = [column.astype(kind, copy=False) for column, kind in zip(columns, _KINDS[:-2], strict=True)]
-        rows = len(cells[0])
-        return cls._make((*cells, np.full(rows, "", object), np.zeros(rows, bool)))
+    def _of(cls, *columns: Array) -> LooseFrames:
+        """Return them by all columns but the last two."""
+        cells = np.zeros((len(_COLUMNS), len(columns[0])), np.int64)
+        for place, column in enumerate(columns):
+            cells[place] = column
+        return cls(cells)
 
     @classmethod
     def joined(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
         """Return several in the order of their numbers."""
+        parts = [one for one in parts if len(one)]
         if not parts:
             return cls.none()
-        whole = parts[0] if len(parts) == 1 else cls(*map(np.concatenate, zip(*parts, strict=True)))
+        whole = parts[0] if len(parts) == 1 else cls.behind_each_other(parts)
         ordered = bool((whole.number[1:] >= whole.number[:-1]).all())
         return whole if ordered else whole.take(np.argsort(whole.number, kind="stable"))
 
+    @classmethod
+    def behind_each_other(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
+        """Return several in the order in which they are given."""
+        cells = np.concatenate([one.cells for one in parts], axis=1)
+        if all(one.lines is None for one in parts):
+            return cls(cells)
+        return cls(cells, np.concatenate([_no_lines(len(one)) if one.lines is None else one.lines for one in parts]))
+
     def take(self, rows: Array | slice) -> LooseFrames:
-        """Return some of them."""
-        return LooseFrames(*(column[rows] for column in self))
+        """Return some of them: those at places, or those of a mask."""
+        if isinstance(rows, slice):
+            cells = self.cells[:, rows]
+        else:
+            rows = rows.nonzero()[0] if rows.dtype == bool else rows
+            cells = self.cells.take(rows, axis=1)
+        return LooseFrames(cells, None if self.lines is None else self.lines[rows])
+
+    def put(self, rows: Array, frames: LooseFrames) -> None:
+        """Put others in place of some."""
+        self.cells[:, rows] = frames.cells
+        if self.lines is None and frames.lines is not None:
+            self.lines = _no_lines(len(self))
+        if self.lines is not None:
+            self.lines[rows] = "" if frames.lines is None else frames.lines
+
+    def clear(self, rows: Array) -> None:
+        """Leave no frames in place of some."""
+        self.number[rows] = _NEVER
+        if self.lines is not None:
+            self.lines[rows] = ""
 
     @property
     def bus(self) -> Array:
@@ -95,12 +152,25 @@ class LooseFrames(NamedTuple):
         found: Array = self.session >> _BUS
         return found
 
-    def keep_lines(self, view: View, end: int) -> None:
-        """Keep the lines of frames before one that are not kept yet: they may be gone when they are told."""
-        rows = (~self.kept & (self.number < end)).nonzero()[0]
-        if len(rows):
-            self.lines[rows] = lines = view.each_line(self.number[rows])
-            self.kept[rows] = lines.astype(bool)
+    def keep_lines(self, view: View) -> None:
+        """Keep the lines of all: they are of earlier batches, and the frames may be gone when they are told."""
+        self.kept[:] = 1
+        first = view.frames.first
+        old = (self.number < min(first, first + len(view.frames) - SOON_GONE)).nonzero()[0]
+        if len(old):
+            lines = _no_lines(len(self)) if self.lines is None else self.lines
+            old = old[~lines[old].astype(bool)]
+            lines[old] = view.each_line(self.number[old])
+            self.lines = lines
+
+    def look_up(self, view: View, rows: Array) -> list[str]:
+        """Return the lines of some, empty ones of frames that are gone."""
+        found = _no_lines(len(rows)) if self.lines is None else self.lines[rows]
+        missing = (~found.astype(bool)).nonzero()[0]
+        if len(missing):
+            found[missing] = view.each_line(self.number[rows[missing]])
+        lines: list[str] = found.tolist()
+        return lines
 
     @property
     def senders(self) -> Array:
@@ -109,7 +179,7 @@ class LooseFrames(NamedTuple):
 
     def lists(self) -> FrameLists:
         """Return a list of each one alone."""
-        return FrameLists(self.number, np.arange(len(self.number) + 1), self.code, self.flags & FD != 0)
+        return FrameLists(self.number, np.arange(len(self) + 1), self.code, self.flags & FD != 0)
 
     def whose(self, k: int) -> tuple[int, int]:
         """Return the bus of one, and what the identifiers of its session have in common."""
@@ -121,13 +191,22 @@ class LooseFrames(NamedTuple):
         return FrameForm(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
 
     def breaches(
-        self, rule: str, values: Callable[[int], Values], *, severity: Severity | None = None, drops: bool = False
+        self,
+        view: View,
+        rule: str,
+        values: Callable[[int], Values],
+        *,
+        severity: Severity | None = None,
+        drops: bool = False,
     ) -> Occurrences:
         """Return them, whose lines are kept or not, as breaches of a rule; `values` are those of a row."""
-        number, lines = self.number, self.lines
-        node, code = self.node.astype(np.int64), self.code.astype(np.int64)
+        number = self.number
         return Occurrences(
-            rule=rule, t=self.t, bus=self.bus, node=node, type=code, frame=number, values=values,
+            rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=(lambda k: (lines[k],)) if self.kept.all() else None,
+            lines=(lambda k: tuple(self.look_up(view, np.array([k])))) if self.kept.all() else None,
         )  # fmt: skip
+
+
+def _no_lines(count: int) -> Array:
+    return np.full(count, "", object)

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer._native import Remainders
+from analyzer._native import Firsts, Remainders
 from analyzer.decode.sent import cells
-from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, shapes_of
 from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED, NOTHING
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
 from analyzer.rules.transfers.lists import picked
-from analyzer.rules.transfers.loose_frames import LooseFrames
+from analyzer.rules.transfers.open_frames import OpenFrames
 from analyzer.tables import FD, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, all_resumed
-from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Iterator
 
     from analyzer.rules.diagnosis.causes import Cause
+    from analyzer.rules.transfers.loose_frames import LooseFrames
     from dissectors.kit import Array, Severity, Values, View
 
 # What a sender that was busy as the capture began explains.
@@ -35,6 +33,7 @@ MOST_FRAMES = 64  # of one remainder that are named
 MOST_EARLY = 4096  # remainders that may be excused, until the session shows whether it goes on like that
 _WHAT_BITS = 8  # below a session
 _HABIT = 3  # of them that no busy moment explains
+_NEVER = (1 << 63) - 1  # the time and the number of what did not come
 
 
 class _Remainders(NamedTuple):
@@ -57,7 +56,7 @@ class _Remainders(NamedTuple):
     @property
     def old(self) -> Array:
         """A mask of those with frames that may be gone."""
-        found: Array = np.logical_or.reduceat(self.frames.kept, self.offsets[:-1])
+        found: Array = np.logical_or.reduceat(self.frames.kept == 1, self.offsets[:-1])
         return found
 
     def numbers(self, k: int) -> list[int]:
@@ -65,20 +64,38 @@ class _Remainders(NamedTuple):
         found: list[int] = self.frames.number[self.offsets.item(k) : self.offsets.item(k + 1)].tolist()
         return found
 
-    def lines(self, view: View, rows: Array) -> list[tuple[str, ...]]:
-        """Return the lines of some."""
-        offsets, places = picked(self.offsets, rows)
-        kept = self.frames.lines[places]
-        new = (~self.frames.kept[places]).nonzero()[0]
-        kept[new] = view.each_line(self.frames.number[places[new]])
-        every = kept.tolist()
-        return [tuple(filter(None, every[low:high])) for low, high in pairwise(offsets.tolist())]
+    def lines(self, view: View, k: int) -> tuple[str, ...]:
+        """Return the lines of one that are kept."""
+        rows = np.arange(self.offsets.item(k), self.offsets.item(k + 1))
+        return tuple(filter(None, self.frames.look_up(view, rows)))
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""
         first, (offsets, places) = self.offsets[rows], picked(self.offsets, rows)
         fd = self.frames.flags[first] & FD != 0
         return FrameLists(self.frames.number[places], offsets, self.frames.code[first], fd)
+
+
+class _Excused(NamedTuple):
+    """One that a busy sender may explain, until the session shows whether it goes on like that."""
+
+    t: int
+    bus: int
+    node: int
+    type: str
+    frames: tuple[int, ...]
+    tail: int
+    what: str
+    detail: str
+    lines: tuple[str, ...]
+
+    def occurrence(self, severity: Severity | None) -> Occurrence:
+        """Return it as a breach."""
+        t, bus, node, type_, frames, tail, what, detail, lines = self
+        return Occurrence(
+            "TRF-005", t, bus, None if node < 0 else node, type_, frames, _values(tail, what, detail),
+            severity=severity, drops=True, lines=lines,
+        )  # fmt: skip
 
 
 class _Told(NamedTuple):
@@ -90,46 +107,44 @@ class _Told(NamedTuple):
     of: _Remainders
     first: LooseFrames
     what: Array
-    cause: Callable[[int], Cause]
+    causes: Callable[[Array], list[Cause]]
     early: Array
 
     def values(self, k: int) -> Values:
         """Return what is said of one."""
-        transfer_id, what = self.first.tail.item(k) & TAIL_ID, FORMS[self.what[k]].what
-        return {"transfer_id": transfer_id, "cause": what, "detail": self.cause(k).detail}
+        ((_, detail),) = self.causes(np.array([k]))
+        return _values(self.first.tail.item(k), FORMS[self.what.item(k)].what, detail)
 
-    def severity(self, k: int) -> Severity | None:
-        """Return what stands instead of the severity of the rule."""
-        return "note" if self.early[k] else None
+    def excused(self, view: View, rows: Array) -> Iterator[_Excused]:
+        """Yield some, with their lines."""
+        first, (offsets, places) = self.first.take(rows), picked(self.of.offsets, rows)
+        numbers, lines = self.of.frames.number[places].tolist(), self.of.frames.look_up(view, places)
+        columns = (first.t, first.bus, first.node, first.code, first.tail, self.what[rows])
+        each = zip(*(column.tolist() for column in columns), self.causes(rows), strict=True)
+        for (low, high), (t, bus, node, code, tail, what, cause) in zip(pairwise(offsets.tolist()), each, strict=True):
+            frames, kept = tuple(numbers[low:high]), tuple(filter(None, lines[low:high]))
+            yield _Excused(t, bus, node, view.type_name(code), frames, tail, FORMS[what].what, cause.detail, kept)
 
-    def occurrence(self, view: View, k: int, lines: tuple[str, ...]) -> Occurrence:
-        """Return one with its lines."""
-        first = self.first
-        t, node, code = (column.item(k) for column in (first.t, first.node, first.code))
-        (bus, _), frames = first.whose(k), self.of.numbers(k)
-        return Occurrence(
-            "TRF-005", t, bus, None if node < 0 else node, view.type_name(code), tuple(frames), self.values(k),
-            severity=self.severity(k), drops=True, lines=lines,
-        )  # fmt: skip
-
-    def occurrences(self, rows: Array, lines: Sequence[tuple[str, ...]] = ()) -> Iterator[Occurrences]:
-        """Yield some together; `lines` are those of all if their frames may be gone."""
+    def occurrences(self, view: View, rows: Array, *, kept: bool) -> Iterator[Occurrences]:
+        """Yield some together; the lines are `kept` of all if their frames may be gone."""
+        if not len(rows):
+            return
         _, first, which = np.unique(self.what[rows], return_index=True, return_inverse=True)
         key = np.argsort(np.argsort(first))[which]  # as they come
         early = self.early[rows]
         for noted in dict.fromkeys(early.tolist()):
             some = np.flatnonzero(early == noted)
-            found = self._alike(rows[some], key[some])
-            yield replace(found, lines=partial(_kept, lines, some)) if lines else found
+            severity: Severity | None = "note" if noted else None
+            yield self._alike(view, rows[some], key[some], severity, kept=kept)
 
-    def _alike(self, rows: Array, key: Array) -> Occurrences:
+    def _alike(self, view: View, rows: Array, key: Array, severity: Severity | None, *, kept: bool) -> Occurrences:
         """Return some of one severity."""
         first = self.first.take(rows)
-        node, code = first.node.astype(np.int64), first.code.astype(np.int64)
         return Occurrences(
-            rule="TRF-005", t=first.t, bus=first.bus, node=node, type=code, frame=first.number,
+            rule="TRF-005", t=first.t, bus=first.bus, node=first.node, type=first.code, frame=first.number,
             values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.numbers(rows.item(k)),
-            key=key, severity=self.severity(rows.item(0)), drops=True, each_named=True,
+            key=key, severity=severity, drops=True, each_named=True,
+            lines=(lambda k: self.of.lines(view, rows.item(k))) if kept else None,
         )  # fmt: skip
 
 
@@ -140,58 +155,44 @@ class MissingStart:
         begun: time and first frame of each session's first transfer.
     """
 
-    def __init__(self, begun: KeyedRows) -> None:
+    def __init__(self, begun: Firsts) -> None:
         self._begun = begun
         self._remainders = Remainders(MOST_OPEN, MOST_FRAMES, TIMEOUT)
-        # Frames of those that are open, and which one each is of.
-        self._open = LooseFrames.none()
-        self._of = np.empty(0, np.int64)
-        self._orphaned = KeyedRows({"t": NO_TIME}, MOST_OPEN)
-        self._early_ones: dict[int, list[Occurrence]] = {}  # by session and what is missing
+        self._open = OpenFrames()
+        self._orphaned = Firsts(MOST_OPEN)
+        self._early_ones: dict[int, list[_Excused]] = {}  # by session and what is missing
         self._excused = 0
         self._budget = SearchBudget()
         self._causes = KnownCauses()
 
     def feed(self, view: View) -> None:
         """Keep the frames of remainders that were open before this batch: they may be gone when these are told."""
-        self._open.keep_lines(view, view.frames.first)
+        self._open.keep_lines(view)
 
     def excused(self) -> Iterator[Occurrence]:
         """Yield those that were held back to the end."""
         for held in self._early_ones.values():
-            yield from held
+            yield from (one.occurrence("note") for one in held)
 
     def add(self, view: View, orphans: LooseFrames, together: list[Occurrences], *, last: bool) -> Iterator[Occurrence]:
         """Add more orphans; tell of remainders that can get no more `together`, and yield what was held back before.
 
         No more frames will come if these are the `last` ones.
         """
-        self._orphaned.add(orphans.session, t=orphans.t)
+        if not len(orphans) and not last:
+            return
+        self._orphaned.add(orphans.session, orphans.t, orphans.number)
         closed = self._closed(orphans, last=last)
         if len(closed.received):
             yield from self._told(view, closed, together)
 
     def _closed(self, orphans: LooseFrames, *, last: bool) -> _Remainders:
         """Return the remainders that can get no more frames, with these orphans, as they are closed."""
-        tail, size = orphans.tail.astype(np.int64), orphans.size.astype(np.int64) - 1
-        given = self._remainders.add(orphans.session, orphans.t, tail, size)
-        of, serials, received = (cells(column, np.int64) for column in given)
-        if last:
-            rest = self._remainders.close()
-            ends = zip((serials, received), (cells(column, np.int64) for column in rest), strict=True)
-            serials, received = (np.concatenate(both) for both in ends)
-        named = np.flatnonzero(of >= 0)
-        frames = LooseFrames(*map(np.concatenate, zip(self._open, orphans.take(named), strict=True)))
-        of = np.concatenate((self._of, of[named]))
-        order = np.argsort(serials, kind="stable")
-        at = np.minimum(np.searchsorted(serials[order], of), max(len(order) - 1, 0))
-        rank = order[at] if len(order) else at
-        over = serials[rank] == of if len(order) else np.zeros(len(of), bool)
-        self._open, self._of = frames.take(~over), of[~over]
-        rows = np.flatnonzero(over)
-        rows = rows[np.argsort(rank[rows], kind="stable")]
-        sizes = np.bincount(rank[rows], minlength=len(serials))
-        return _Remainders(frames.take(rows), np.concatenate(((0,), np.cumsum(sizes))), received)
+        made = self._remainders.add(orphans.session, orphans.t, orphans.tail, orphans.size, last)
+        slots, ended, offsets, received = (cells(column, np.int64) for column in made)
+        named = (slots >= 0).nonzero()[0]
+        self._open.put(slots[named], orphans if len(named) == len(slots) else orphans.take(named))
+        return _Remainders(self._open.take(ended), offsets, received)
 
     def _told(self, view: View, closed: _Remainders, together: list[Occurrences]) -> Iterator[Occurrence]:
         told = self._searched(view, closed)
@@ -199,31 +200,47 @@ class MissingStart:
         wanted = what != NOTHING
         if view.cut_in:
             wanted &= ~(early & self._first(told.first))
-        held_back, goes_on = np.zeros(len(what), bool), np.zeros(len(what), bool)
-        kinds = told.first.session << _WHAT_BITS | what
-        rows, new = np.flatnonzero(wanted), {*kinds[early].tolist()}
-        each = zip(rows.tolist(), kinds[rows].tolist(), strict=True)
-        rows = np.array([k for k, kind in each if kind in new or kind in self._early_ones], np.int64)
-        lines: dict[int, tuple[str, ...]] = {}
-        for k, kind, is_early in zip(*(column.tolist() for column in (rows, kinds[rows], early[rows])), strict=True):
+        old = closed.old | (closed.sizes > MOST_LINES)
+        if early.any() or self._early_ones:
+            old |= yield from self._going_on(view, told, wanted)
+        for kept in (False, True):
+            together += told.occurrences(view, np.flatnonzero(wanted & (old == kept)), kept=kept)
+
+    def _going_on(self, view: View, told: _Told, wanted: Array) -> Generator[Occurrence, None, Array]:
+        """Hold back those that are excused, which are `wanted` no more, and yield those whose sessions go on like that.
+
+        Return a mask of those with which they do.
+        """
+        goes_on, rows = np.zeros(len(wanted), bool), np.flatnonzero(wanted)
+        kinds, early = told.first.session[rows] << _WHAT_BITS | told.what[rows], told.early[rows]
+        held: list[int] = []
+        steps: list[tuple[int, bool]] = []  # kinds, and whether one more of each is held back
+        waiting: dict[int, int] = {}  # how many of each kind are held back then
+        new, known = {*kinds[early].tolist()}, self._early_ones
+        each = zip(rows.tolist(), kinds.tolist(), early.tolist(), strict=True)
+        for k, kind, is_early in [one for one in each if one[1] in known or one[1] in new]:
+            count = waiting[kind] if kind in waiting else len(self._early_ones.get(kind, ()))
             if is_early and self._excused < MOST_EARLY:
                 self._excused += 1
-                if not lines:  # all of them at once
-                    some = rows[early[rows]]
-                    lines = dict(zip(some.tolist(), closed.lines(view, some), strict=True))
-                self._early_ones.setdefault(kind, []).append(told.occurrence(view, k, lines[k]))
-                held_back[k] = True
+                waiting[kind] = count + 1
+                held.append(k)
+                steps.append((kind, True))
+            elif count:
+                self._excused -= count
+                waiting[kind] = 0
+                goes_on[k] = True
+                steps.append((kind, False))
+        wanted[held] = False
+        excused = told.excused(view, np.array(held, np.int64))
+        for kind, is_held in steps:
+            if is_held:
+                self._early_ones.setdefault(kind, []).append(next(excused))
                 continue
-            goes_on[k] = kind in self._early_ones
-            held = self._early_ones.pop(kind, ())
-            self._excused -= len(held)
+            ended = self._early_ones.pop(kind)
             # What goes on is no moment in which the sender was busy.
-            yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
-        wanted &= ~held_back
-        kept = closed.old | (closed.sizes > MOST_LINES) | goes_on
-        together += told.occurrences(np.flatnonzero(wanted & ~kept))
-        rows = np.flatnonzero(wanted & kept)
-        together += told.occurrences(rows, closed.lines(view, rows))
+            severity: Severity | None = None if len(ended) >= _HABIT else "note"
+            yield from (one.occurrence(severity) for one in ended)
+        return goes_on
 
     def _searched(self, view: View, closed: _Remainders) -> _Told:
         """Return what is missing of each; nothing of one whose frames belong to a transfer that says so itself."""
@@ -240,28 +257,28 @@ class MissingStart:
         at = np.full(len(senders), -1)
         at[rows] = np.arange(len(rows))
 
-        def cause(k: int) -> Cause:
-            return alike(FORMS[what[k]].what) if at.item(k) < 0 else found.cause(at.item(k))
+        def causes(rows: Array) -> list[Cause]:
+            known = iter(found.causes(at[rows[at[rows] >= 0]]))
+            each = zip(at[rows].tolist(), what[rows].tolist(), strict=True)
+            return [alike(FORMS[form].what) if place < 0 else next(known) for place, form in each]
 
         early = _LOSSES[what]
         early[early] = self._early(view, first.take(early))
-        return _Told(closed, first, what, cause, early)
+        return _Told(closed, first, what, causes, early)
 
     def _first(self, frames: LooseFrames) -> Array:
         """Return which are the first that was heard of their session: of a window that is where the window begins."""
-        begun = self._begun.find(frames.session)
-        early = (begun < 0) | (frames.number < self._begun.get("lead", begun))
-        orphaned = self._orphaned.find(frames.session)
-        found: Array = early & (orphaned >= 0) & (self._orphaned.get("t", orphaned) == frames.t)
+        _, lead = _found(self._begun, frames)
+        orphaned, _ = _found(self._orphaned, frames)
+        found: Array = (frames.number < lead) & (orphaned == frames.t)
         return found
 
     def _early(self, view: View, frames: LooseFrames) -> Array:
         """Return whether a sender may have been busy as the session, the capture, or the part behind a gap began."""
-        t, session = frames.t, frames.session
-        begun, orphaned = self._begun.find(session), self._orphaned.find(session)
-        began = self._begun.get("t", begun)
-        lead = np.where(begun < 0, frames.number, self._begun.get("lead", begun))
-        heard = np.where(orphaned < 0, t, self._orphaned.get("t", orphaned))
+        if not len(frames):
+            return np.zeros(0, bool)
+        t, (began, lead), (heard, _) = frames.t, _found(self._begun, frames), _found(self._orphaned, frames)
+        heard = np.where(heard == _NEVER, t, heard)
         heard = np.where(began != NO_TIME, np.minimum(heard, began), heard)
         started = t.copy()
         for bus, start in view.starts.items():
@@ -270,6 +287,11 @@ class MissingStart:
         return np.where(t == NO_TIME, frames.number <= lead, t - since <= TIMEOUT)
 
 
-def _kept(lines: Sequence[tuple[str, ...]], rows: Array, k: int) -> tuple[str, ...]:
-    row: int = rows.item(k)
-    return lines[row]
+def _values(tail: int, what: str, detail: str) -> Values:
+    return {"transfer_id": tail & TAIL_ID, "cause": what, "detail": detail}
+
+
+def _found(firsts: Firsts, frames: LooseFrames) -> tuple[Array, Array]:
+    """Return time and frame of what came first of sessions."""
+    t, number = firsts.find(frames.session, _NEVER, _NEVER)
+    return cells(t, np.int64), cells(number, np.int64)

@@ -20,7 +20,7 @@ from dissectors.frame_text import FrameNumber
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.rules.bus.keyed import KeyedRows
+    from analyzer._native import Firsts
     from analyzer.rules.diagnosis.search import FrameSearch
     from dissectors.kit import Array, Kept, Occurrence, Occurrences, Values, View
 
@@ -51,14 +51,14 @@ class OutOfOrder:
         begun: time and first frame of each session's first transfer.
     """
 
-    def __init__(self, begun: KeyedRows) -> None:
+    def __init__(self, begun: Firsts) -> None:
         self._missing_start = MissingStart(begun)
         self._waiting: list[LooseFrames] = []
         self._budget = SearchBudget()
 
     def add(self, frames: LooseFrames) -> None:
         """Add more frames."""
-        if len(frames.number):
+        if len(frames):
             self._waiting.append(frames)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -82,12 +82,12 @@ class OutOfOrder:
         rows = np.flatnonzero((frames.verdict == COPY) & (form != NOTHING))
         if len(rows):
             copies = frames.take(rows)
-            together.append(copies.breaches("TRF-004", partial(_copy, view, copies), drops=True))
+            together.append(copies.breaches(view, "TRF-004", partial(_copy, view, copies), drops=True))
         rows = np.flatnonzero((frames.verdict == OTHER_ID) & (form != NOTHING))
         if len(rows):
             others, found = frames.take(rows), [answers.get(row) for row in rows.tolist()]
             values = partial(_other_id, view, others, found, form[rows])
-            together.append(others.breaches("TRF-009", values, drops=True))
+            together.append(others.breaches(view, "TRF-009", values, drops=True))
         together.sort(key=lambda one: int(one.frame[0]))
         yield from self._missing_start.add(view, frames.take(alone), together, last=last)
         if last:
@@ -100,7 +100,7 @@ class OutOfOrder:
         A frame that looks like a copy and is none has no form, and so has one with another transfer ID that is left of
         a transfer that was cut itself, or where the ID of the frame before it is or may be wrong (TRF-006).
         """
-        form = np.full(len(frames.number), GONE)
+        form = np.full(len(frames), GONE)
         known: dict[int, _Found] = {}
         inside = np.flatnonzero(frames.verdict != ORPHAN)
         searched = inside[self._budget.take(frames.senders[inside])]

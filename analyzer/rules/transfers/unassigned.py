@@ -7,54 +7,31 @@ be settled as foreign, or the end of the capture gives them the benefit of the d
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer._native import Firsts, tails_before
+from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import who
-from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
 from analyzer.rules.transfers.loose_frames import LooseFrames
-from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
+from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS
-from dissectors.kit import NO_TIME, SESSION, Rule
+from dissectors.kit import Rule
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _OUT_OF_ORDER = np.array([verdict in KINDS for verdict in range(len(VERDICTS))])
 _CLOSE = 64  # frames before a start in which the one before it is looked for
-_AT_ONCE = 1 << 10  # starts for which that is done
-_WIDTH = SESSION.bit_length()
 MOST_SESSIONS = 1 << 16
 MOST_HELD = 4096
-
-
-class _Held(NamedTuple):
-    """Frames, and of which kinds each is: bits in their order."""
-
-    frames: LooseFrames
-    kinds: Array
-
-    @classmethod
-    def joined(cls, parts: Sequence[_Held]) -> _Held:
-        """Return several in the order of their numbers."""
-        parts = [one for one in parts if len(one.kinds)] or parts[:1]
-        if len(parts) == 1:
-            return parts[0]
-        frames = LooseFrames(*map(np.concatenate, zip(*(one.frames for one in parts), strict=True)))
-        whole = cls(frames, np.concatenate([one.kinds for one in parts]))
-        ordered = bool((frames.number[1:] >= frames.number[:-1]).all())
-        return whole if ordered else whole.take(np.argsort(frames.number, kind="stable"))
-
-    def take(self, rows: Array | slice) -> _Held:
-        """Return some of them."""
-        return _Held(self.frames.take(rows), self.kinds[rows])
 
 
 class UnassignedFrames(Rule):
@@ -63,17 +40,19 @@ class UnassignedFrames(Rule):
     rules = ("CAN-002", "CAN-003", "CAN-005", "CAN-008", "CAN-009", "TRF-002", "TRF-004", "TRF-005", "TRF-009")
 
     def __init__(self) -> None:
-        self._begun = KeyedRows({"t": NO_TIME, "lead": -1}, MOST_SESSIONS)
-        self._held = _Held(LooseFrames.none(), np.empty(0, np.int16))
+        self._begun = Firsts(MOST_SESSIONS)
+        self._held = LooseFrames.none()
         self._out_of_order = OutOfOrder(self._begun)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield frames of this batch, and earlier ones that became certain."""
-        self._held.frames.keep_lines(view, view.frames.first)  # those that still wait
+        self._held.keep_lines(view)  # of those that still wait
         ready = [self._corrected(view)]
-        if self._follow(view):
-            ready.append(self._let_go(self._begun.has(self._held.frames.session)))
-        yield from self._report(_Held.joined(ready))
+        begun = self._follow(view)
+        if len(begun) and len(self._held):
+            held = self._held.session
+            ready.append(self._let_go(begun[np.minimum(begun.searchsorted(held), len(begun) - 1)] == held))
+        yield from self._report(view, LooseFrames.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
 
@@ -87,44 +66,60 @@ class UnassignedFrames(Rule):
         if not len(rows):
             return
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
-        frames = LooseFrames.of(view, rows, session)
-        new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
-        certain = self._begun.has(session)
+        new = LooseFrames.of(view, rows, session)
+        new.kinds[:] = _kinds(view, new, f.anomaly[rows])
+        certain = self._begins(session)
         told, wait = new.take(certain), new.take(~certain)
-        del frames, new, session, rows, odd  # they are large
-        yield from self._report(told)
-        self._held = _Held.joined((self._held, wait))
-        over = len(self._held.kinds) - MOST_HELD
+        del new, session, rows, odd  # they are large
+        yield from self._report(view, told)
+        self._held = LooseFrames.joined((self._held, wait))
+        over = len(self._held) - MOST_HELD
         if over > 0:
-            yield from self._report(self._let_go(np.arange(len(self._held.kinds)) < over))
+            oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
+            yield from self._report(view, oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
-        yield from self._report(self._held)
+        yield from self._report(view, self._held)
         yield from self._out_of_order.finish(view)
 
-    def _follow(self, view: View) -> bool:
-        """Note first transfers of sessions; whether there were any."""
+    def _follow(self, view: View) -> Array:
+        """Note first transfers of sessions; return these sessions in order if any is new."""
         t = view.transfers
         rows = np.flatnonzero(~t.has("step"))
-        if not len(rows) or not self._begun.room:
-            return False
+        if not len(rows):
+            return rows
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
         service = type_id << 16 | (kind == 2) << 15 | t.dst[rows].astype(np.int64) << 8 | 0x80 | src
         session = t.bus[rows].astype(np.int64) << 32 | np.where(kind > 1, service, type_id << 8 | src)
-        return self._begun.add(session, t=t.t[rows], lead=t.lead[rows]) > 0
+        if not self._begun.add(session, t.t[rows], t.lead[rows]):
+            return rows[:0]
+        return np.sort(session[self._begins(session)])
 
-    def _let_go(self, mask: Array) -> _Held:
+    def _begins(self, session: Array) -> Array:
+        """Return which sessions have had a transfer."""
+        return cells(self._begun.has(session), bool)
+
+    def _let_go(self, mask: Array) -> LooseFrames:
         """Return some of those that are held, which wait no longer."""
+        if not mask.any():
+            return LooseFrames.none()
         found, self._held = self._held.take(mask), self._held.take(~mask)
         return found
 
-    def _corrected(self, view: View) -> _Held:
+    def _corrected(self, view: View) -> LooseFrames:
         """Return frames that turned out to be DroneCAN's."""
         settled = view.settled
-        if len(settled.number) and len(self._held.kinds):
-            self._let_go(np.isin(self._held.frames.number, settled.number))
-        late = settled.of(np.flatnonzero(settled.known & (settled.verdict != _FOREIGN)))
+        if len(settled.number) and len(self._held):
+            held = self._held.number
+            at = np.minimum(held.searchsorted(settled.number), len(held) - 1)
+            mask = np.zeros(len(held), bool)
+            mask[at[held[at] == settled.number]] = True
+            self._let_go(mask)
+        some = np.flatnonzero(settled.known & (settled.verdict != _FOREIGN))
+        if not len(some):
+            return LooseFrames.none()
+        late = settled.of(some)
         session = late.bus << 32 | session_bits(late.id, late.verdict)
         columns = (late.number, late.verdict, session, *who(late.id, late.flags, late.verdict))
         rows, found = [], []
@@ -134,18 +129,19 @@ class UnassignedFrames(Rule):
                 rows.append(row)
                 found.append((number, key, kept._replace(verdict=verdict), *sender))
         frames = LooseFrames.of_kept(found)
-        return _Held(frames, _kinds(view, frames, late.anomaly[np.array(rows, np.int64)]))
+        frames.kinds[:] = _kinds(view, frames, late.anomaly[np.array(rows, np.int64)])
+        return frames
 
-    def _report(self, held: _Held) -> Iterator[Occurrences]:
-        frames = held.frames
-        if not len(frames.number):
+    def _report(self, view: View, frames: LooseFrames) -> Iterator[Occurrences]:
+        if not len(frames):
             return
-        every = int(np.bitwise_or.reduce(held.kinds))
-        of_kind = [(kind, held.kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS) if every >> k & 1]
-        each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~frames.kept, frames.kept)]
+        kinds, kept = frames.kinds, frames.kept == 1
+        every = int(np.bitwise_or.reduce(kinds))
+        of_kind = [(kind, kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS) if every >> k & 1]
+        each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~kept, kept)]
         for kind, rows in sorted((one for one in each if len(one[1])), key=lambda one: one[1].item(0)):
             some = frames.take(rows)
-            yield some.breaches(kind.rule, partial(_values_of, kind, some), severity=kind.severity)
+            yield some.breaches(view, kind.rule, partial(_values_of, kind, some), severity=kind.severity)
         self._out_of_order.add(frames.take(_OUT_OF_ORDER[frames.verdict]))
 
 
@@ -164,22 +160,9 @@ def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
 
 def _goes_on(view: View, starts: LooseFrames) -> Array:
     """Return which starts with toggle 1 are the next frame of a transfer, of which another rule says so (TRF-006)."""
-    before = np.full(len(starts.number), -1)
-    f = view.frames
-    row = starts.number - f.first
-    if (row >= _CLOSE).any():
-        key = np.where(f.length > 0, f.bus.astype(np.int64) << _WIDTH | (f.id & SESSION), -1)
-        back = np.arange(1, _CLOSE + 1)
-        mine = starts.bus << _WIDTH | starts.session & SESSION
-        inside = np.flatnonzero(row >= _CLOSE)
-        for begin in range(0, len(inside), _AT_ONCE):
-            some = inside[begin : begin + _AT_ONCE]
-            same = key[row[some][:, None] - back] == mine[some][:, None]
-            at = row[some] - 1 - same.argmax(axis=1)
-            before[some] = np.where(same.any(axis=1), f.tail[at], -1)
-    for k in np.flatnonzero(row < _CLOSE).tolist():
-        earlier = preceding(view, starts.number.item(k), *starts.whose(k), _CLOSE)
-        before[k] = next((other.data[-1] for _, other in earlier), -1)
+    low, high = int(starts.number.min()), int(starts.number.max())
+    batches = [*view.indexes(max(low - _CLOSE, 0), high)]
+    before = cells(tails_before(batches, starts.number, starts.session, _CLOSE), np.int16)
     odd = (before ^ starts.tail) & TAIL_ID | before & (TAIL_END | TAIL_TOGGLE)
     found: Array = (before >= 0) & (odd == 0) & (starts.size > 0)
     return found

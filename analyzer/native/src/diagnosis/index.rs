@@ -40,6 +40,7 @@ pub struct Whole<'a> {
     pub t: i64,
     pub bus: u8,
     pub id: u32,
+    pub flags: u16,
     pub data: &'a [u8],
 }
 
@@ -134,6 +135,7 @@ impl Index {
             t: columns.t[row],
             bus: columns.bus[row],
             id: columns.id[row],
+            flags: columns.flags[row],
             data: &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize],
         }
     }
@@ -226,6 +228,11 @@ impl<'a> Frames<'a> {
         self.find(number).map(|(index, row)| index.whole(row))
     }
 
+    /// A frame as a line of candump has it; None for one that is not there.
+    pub fn shown(&self, number: u64, buses: &'a [String]) -> Option<Frame<'a>> {
+        self.find(number).and_then(|(index, _)| index.frame(number, buses))
+    }
+
     /// Frames of a session among some, whatever they are, the last one first.
     pub fn latest(&self, key: u32, range: &'a Range<u64>) -> impl Iterator<Item = Whole<'a>> {
         let within = |index: &&&Index| index.range().start < range.end && range.start < index.range().end;
@@ -237,6 +244,13 @@ impl<'a> Frames<'a> {
                 .rev()
                 .map(|&row| index.whole(row as usize))
         })
+    }
+
+    /// The tail byte of the last frame of a session before one, among so many that came before it.
+    pub fn tail_before(&self, key: u32, number: u64, look: u64) -> Option<u8> {
+        let range = number.saturating_sub(look)..number;
+        let mut tails = self.latest(key, &range).filter_map(|frame| frame.data.last().copied());
+        tails.next()
     }
 
     pub fn session(&self, number: u64) -> Option<u32> {

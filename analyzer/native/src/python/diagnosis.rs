@@ -186,6 +186,32 @@ pub fn diagnose<'py>(
     ))
 }
 
+/// The tail bytes of the last frames before some in their sessions, of `look` that came before each: i16, -1 for none.
+///
+/// A session is the bus above 32 bits of an identifier.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+pub fn tails_before<'py>(
+    py: Python<'py>,
+    batches: Vec<Bound<'py, FrameIndex>>,
+    numbers: PyBuffer<i64>,
+    sessions: PyBuffer<i64>,
+    look: u64,
+) -> PyResult<Column<'py>> {
+    let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
+    let (numbers, sessions) = (numbers.to_vec(py)?, sessions.to_vec(py)?);
+    if numbers.len() != sessions.len() {
+        return Err(PyValueError::new_err("columns that do not fit together"));
+    }
+    let tail = |(number, session): (i64, i64)| {
+        let key = key((session >> 32) as u8, session as u32);
+        let found = Frames(&batches).tail_before(key, number as u64, look);
+        found.map_or(-1, i16::from)
+    };
+    let found = py.detach(|| numbers.into_iter().zip(sessions).map(tail).collect());
+    Cells::own(py, found)
+}
+
 /// First frames of transfers: their numbers, their types, and whether the ID of that, or of the one before, is asked for.
 #[derive(FromPyObject)]
 pub struct Firsts {
