@@ -37,6 +37,7 @@ __all__ = [
     "Template",
     "Writer",
     "crc32",
+    "crc_starts",
     "diagnose",
     "frame_bits",
     "grouped",
@@ -44,6 +45,7 @@ __all__ = [
     "joint",
     "message_records",
     "misnumbered",
+    "mistaken",
     "protobuf",
     "repeats",
     "unrecognized",
@@ -267,6 +269,8 @@ def diagnose(
 def misnumbered(
     batches: list[FrameIndex], types: list[list[int]], asked: tuple[Any, Any, Any, Any]
 ) -> tuple[Cells, Cells]: ...
+def crc_starts(received: tuple[Any, Any, Any]) -> Cells: ...
+def mistaken(types: list[tuple[list[int], list[int]]], which: Any, received: tuple[Any, Any, Any]) -> Cells: ...
 def grouped(keys: Any) -> tuple[Cells, Cells]: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
 

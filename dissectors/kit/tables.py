@@ -187,13 +187,18 @@ class TransferTable(Columns):
         found: list[int] = numbers_[offsets.item(row) : offsets.item(row + 1)].tolist()
         return found
 
+    @property
+    def raw(self) -> tuple[Array, memoryview]:
+        """All payloads: where each begins (one entry more than rows), and the bytes."""
+        return self._binary["payload"] if "payload" in self._binary else self._opened("payload")
+
     def payload(self, row: int) -> bytes:
         """Return the payload of a transfer of this batch, CRC left out."""
         return self._bytes("payload", row)
 
     def payloads(self, rows: Array) -> Array:
         """Return the payloads of transfers of this batch that are equally long, a row of bytes each."""
-        offsets, data = self._binary["payload"] if "payload" in self._binary else self._opened("payload")
+        offsets, data = self.raw
         size = int(offsets[rows[0] + 1] - offsets[rows[0]]) if len(rows) else 0
         found: Array = np.frombuffer(data, np.uint8)[offsets[rows].astype(np.int64)[:, None] + np.arange(size)]
         return found

@@ -30,6 +30,7 @@ mod load;
 mod log_records;
 mod mcap;
 mod merge;
+mod mistakes;
 mod motor;
 mod orphans;
 mod packets;
@@ -236,6 +237,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
+    m.add_function(wrap_pyfunction!(mistakes::crc_starts, m)?)?;
+    m.add_function(wrap_pyfunction!(mistakes::mistaken, m)?)?;
     m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
     m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;
     m.add_class::<rows::Template>()?;
