@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _SERVICE = 2  # this kind and those above it
 CRC_BEGIN = 0xFFFF
+_MOST_CODES = 4096  # of which something is remembered
 
 
 @lru_cache(maxsize=4096)
@@ -28,6 +29,15 @@ class Types:
         self._registry = registry
         self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
         self._undefined: dict[int, Mapping[int, str]] = {}
+        self._starts: dict[int, Sequence[int]] = {}
+
+    def starts(self, code: int) -> Sequence[int]:
+        """Return the values from which the CRC of a transfer may start: `crc_start` of the signatures."""
+        if code not in self._starts:
+            if len(self._starts) >= _MOST_CODES:
+                self._starts.clear()
+            self._starts[code] = [crc_start(signature) for signature in self.signatures(code)]
+        return self._starts[code]
 
     def signatures(self, code: int) -> Sequence[int]:
         """Return those of the known types with this ID, the preferred one first; none for an unknown type."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from analyzer._native import misnumbered
 from analyzer.decode.sent import cells
-from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
@@ -30,7 +29,7 @@ def meant(view: View, lead: Array, code: Array, own: Array, before: Array) -> tu
     rows = np.flatnonzero(own | before)
     if len(rows):
         codes, which = np.unique(code[rows], return_inverse=True)
-        types = [[crc_start(one) for one in view.types.signatures(each)] for each in codes.tolist()]
+        types = [view.types.starts(each) for each in codes.tolist()]
         some = lead[rows]
         indexes = [*view.indexes(int(some.min()) - _NEAR, int(some.max()) + 1 + _NEAR)]
         asked = some.astype(np.uint64), which.astype(np.uint32), own[rows].view(np.uint8), before[rows].view(np.uint8)

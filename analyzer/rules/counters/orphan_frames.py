@@ -30,13 +30,14 @@ class OrphanFrames:
     def feed(self, view: View) -> None:
         """Add those of a batch, and of earlier ones whose sessions became certain."""
         self._index.forget()
-        late = view.settled.of(np.flatnonzero(np.isin(view.settled.verdict, _ASTRAY) & view.settled.known))
-        if len(late.bus):
+        settled = view.settled
+        if len(settled.number):
+            late = settled.of(np.flatnonzero(_is_astray(settled.verdict) & settled.known))
             self._add(late.bus << 32 | session_bits(late.id, late.verdict), late.number, late.t, late.tail)
         f = view.frames
-        if not f.verdict.any():
+        rows = np.flatnonzero(_is_astray(f.verdict))
+        if not len(rows):
             return
-        rows = np.flatnonzero(np.isin(f.verdict, _ASTRAY))
         bits = session_bits(f.id[rows], f.verdict[rows])
         self._add(f.bus[rows].astype(np.int64) << 32 | bits, f.first + rows, f.t[rows], f.tail[rows])
 
@@ -55,6 +56,11 @@ class OrphanFrames:
 
     def _add(self, session: Array, number: Array, t: Array, tail: Array) -> None:
         self._index.add(session, number, t, tail & np.uint8(TAIL_ID))
+
+
+def _is_astray(verdict: Array) -> Array:
+    found: Array = (verdict == _ASTRAY[0]) | (verdict == _ASTRAY[1])
+    return found
 
 
 def _mask(column: Cells) -> Array:

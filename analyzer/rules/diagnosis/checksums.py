@@ -177,12 +177,14 @@ def may_be_mistaken(types: Types, code: Array, wire: Array, begins: Array, data:
         data: all payloads.
     """
     codes, which = np.unique(code, return_inverse=True)
-    starts = [_starts(tuple(types.signatures(one)), tuple(types.mistaken(one))) for one in codes.tolist()]
+    starts = [
+        (types.starts(one), _mistaken_starts(tuple(types.signatures(one)), tuple(types.mistaken(one))))
+        for one in codes.tolist()
+    ]
     return cells(mistaken(starts, which, (wire, begins, data)), np.uint8).view(bool)
 
 
 @lru_cache(maxsize=1024)
-def _starts(signatures: tuple[int, ...], others: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    """Return the values from which the CRC of a type starts, and those from which it does by mistake."""
-    ways = [way.start for way in _ways(signatures) if not way.xor]
-    return [crc_start(one) for one in signatures], [CRC_BEGIN, *ways, *map(crc_start, others)]
+def _mistaken_starts(signatures: tuple[int, ...], others: tuple[int, ...]) -> Sequence[int]:
+    """Return the values from which the CRC of a type starts by mistake."""
+    return [CRC_BEGIN, *(way.start for way in _ways(signatures) if not way.xor), *map(crc_start, others)]

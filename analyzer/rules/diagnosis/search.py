@@ -9,7 +9,6 @@ import numpy as np
 from analyzer._native import diagnose
 from analyzer.decode.sent import cells
 from analyzer.rules.diagnosis.causes import FORMS, GONE, Cause
-from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,10 +95,7 @@ def ask(view: View, question: int, lists: FrameLists) -> FrameSearch:
         return _NOTHING
     codes, which = np.unique(code, return_inverse=True)
     low, high = int(numbers.min()), int(numbers.max())
-    types = [
-        ([crc_start(one) for one in view.types.signatures(code)], view.types.fixed_bytes(code))
-        for code in codes.tolist()
-    ]
+    types = [(view.types.starts(code), view.types.fixed_bytes(code)) for code in codes.tolist()]
     form, flags, value, numbers_of, shown = diagnose(
         question, [*view.indexes(low - BEFORE, high + 1 + AHEAD)], types,
         (numbers.astype(np.uint64), offsets.astype(np.int64), which.astype(np.uint32), fd.astype(np.uint8)),

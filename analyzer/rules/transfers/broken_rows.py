@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from analyzer.rules.diagnosis.budgets import senders_of, shapes_of
 from analyzer.rules.diagnosis.checksums import may_be_mistaken, one_bit_of_each, starts_of_all
 from analyzer.rules.diagnosis.search import FrameLists
 from analyzer.rules.transfers.incomplete import BY_CRC, CUT, LATE, ROOM, Incomplete
-from analyzer.rules.transfers.lists import picked
+from analyzer.rules.transfers.lists import Lists
 from analyzer.rules.view import MESSAGE
 
 if TYPE_CHECKING:
@@ -25,28 +25,6 @@ _NUMBERS = (
     "due", "batch", "ended", "t", "t_end", "bus", "src", "node", "code", "fd", "length", "crc", "wire", "told", "here",
     "size", "lead", "last",
 )  # fmt: skip
-
-
-class Lists(NamedTuple):
-    """Lists of cells in columns: list `k` is `cells[offsets[k]:offsets[k + 1]]`."""
-
-    offsets: Array
-    cells: Array
-
-    @classmethod
-    def none(cls, kind: type) -> Self:
-        """Return no list."""
-        return cls(np.zeros(1, np.int64), np.empty(0, kind))
-
-    def take(self, rows: Array) -> Self:
-        """Return some of them."""
-        offsets, places = picked(self.offsets, rows)
-        return type(self)(offsets, self.cells[places])
-
-    def joined(self, more: Lists) -> Self:
-        """Return these and others behind them."""
-        offsets = np.concatenate((self.offsets, more.offsets[1:] + self.offsets[-1]))
-        return type(self)(offsets, np.concatenate((self.cells, more.cells)))
 
 
 class BrokenTransfers:
@@ -89,13 +67,20 @@ class BrokenTransfers:
         payloads = Lists(begins, np.frombuffer(data, np.uint8)).take(rows)
         return cls(cells, Lists(offsets, numbers).take(rows), payloads)
 
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes."""
+        return self
+
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.t)
 
-    def take(self, rows: Array) -> Self:
-        """Return some of them."""
-        return type(self)(self._cells.take(rows, axis=1), self.frames.take(rows), self.payloads.take(rows))
+    def left(self, due: Array) -> Self:
+        """Return those of which something is still to be told, if that is `due` of each."""
+        rows = np.flatnonzero(due)
+        cells = self._cells.take(rows, axis=1)
+        cells[0] = due[rows]
+        return type(self)(cells, self.frames.take(rows), self.payloads.take(rows))
 
     def joined(self, more: BrokenTransfers) -> Self:
         """Return these and others behind them."""
@@ -134,8 +119,8 @@ class BrokenTransfers:
 
     def turned(self, rows: Array) -> Array:
         """Return a mask of those whose CRC one turned bit explains."""
-        found: Array = self._turned(rows) >= 0
-        return found & (self.told[rows] != 0)
+        found: Array = (self._turned(rows) >= 0) & (self.told[rows] != 0)
+        return found
 
     def turned_inside(self, rows: Array) -> Array:
         """Return a mask of those of which `turned_bit` tells which one, if frames are full."""
@@ -148,9 +133,7 @@ class BrokenTransfers:
 
     def frames_of(self, row: int) -> Sequence[int]:
         """Return the numbers of the frames of one."""
-        offsets, numbers = self.frames
-        found: list[int] = numbers[offsets.item(row) : offsets.item(row + 1)].tolist()
-        return found
+        return self.frames.one(row)
 
     def payload(self, row: int) -> bytes:
         """Return the payload of one, CRC left out."""

@@ -76,13 +76,13 @@ class Reassembly(Rule):
         broken = self._waiting
         if not len(broken):
             return
-        ready = []
+        ready, due = [], broken.due.copy()
         for place in range(len(_RULES) + 1):
-            rows = np.flatnonzero(broken.due & 1 << place)
+            rows = np.flatnonzero(due & 1 << place)
             rows = rows if end is None else rows[: broken.before(rows, end)]
-            broken.due[rows] &= ~(1 << place)
+            due[rows] &= ~(1 << place)
             ready.append(rows)
-        self._waiting = broken.take(np.flatnonzero(broken.due))
+        self._waiting = broken.left(due)
         yield from self._explained(view, broken, ready[:-1])
         yield from self._crcs.explained(view, broken, ready[-1])
 
