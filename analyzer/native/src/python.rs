@@ -32,6 +32,7 @@ mod mcap;
 mod merge;
 mod mistakes;
 mod motor;
+mod odd_steps;
 mod orphans;
 mod packets;
 mod proto;
@@ -232,7 +233,6 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
-    m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

@@ -60,6 +60,8 @@ class ToldSteps(NamedTuple):
 
     def occurrences(self) -> Iterator[Occurrences]:
         """Yield those of a node that have the same rule and severity together, in the order in which these come."""
+        if not len(self.t):
+            return
         gap, moved = self.rule == IS_GAP, self.marks & _MOVED != 0
         noted = np.where(moved, self.marks & _NOTED, gap * (self.marks & (LATE | EARLY))) != 0
         apart = np.where(moved, IS_GAP, self.rule) * 8 + moved * 4 + noted * 2 + (gap & (self.marks & ASTRAY != 0))

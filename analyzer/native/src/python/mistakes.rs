@@ -57,12 +57,12 @@ pub fn crc_starts(py: Python<'_>, received: Received) -> PyResult<Column<'_>> {
 /// place of that of each row.
 #[pyfunction]
 #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-pub fn mistaken<'py>(
-    py: Python<'py>,
+pub fn mistaken(
+    py: Python<'_>,
     types: Vec<(Vec<u16>, Vec<u16>)>,
     which: PyBuffer<i64>,
     received: Received,
-) -> PyResult<Column<'py>> {
+) -> PyResult<Column<'_>> {
     let (rows, which) = (received.rows(py)?, which.to_vec(py)?);
     let types: Vec<Starts> = types
         .into_iter()
