@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _SERVICE = 2  # this kind and those above it
 CRC_BEGIN = 0xFFFF
-_MOST_FRAMING = 1 << 12  # types of which that is known: identifiers may name any
+_MOST_CODES = 4096  # of which something is remembered
 
 
 @lru_cache(maxsize=4096)
@@ -29,7 +29,16 @@ class Types:
         self._registry = registry
         self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
         self._undefined: dict[int, Mapping[int, str]] = {}
-        self._framing: dict[int, tuple[list[int], int | None]] = {}
+        self._starts: dict[int, Sequence[int]] = {}
+        self._framing: dict[int, tuple[Sequence[int], int | None]] = {}
+
+    def starts(self, code: int) -> Sequence[int]:
+        """Return the values from which the CRC of a transfer may start: `crc_start` of the signatures."""
+        if code not in self._starts:
+            if len(self._starts) >= _MOST_CODES:
+                self._starts.clear()
+            self._starts[code] = [crc_start(signature) for signature in self.signatures(code)]
+        return self._starts[code]
 
     def signatures(self, code: int) -> Sequence[int]:
         """Return those of the known types with this ID, the preferred one first; none for an unknown type."""
@@ -55,14 +64,13 @@ class Types:
             return None
         return (message.layout.max_bits + 7) // 8
 
-    def framing(self, code: int) -> tuple[list[int], int | None]:
-        """Return from which values the CRC of a transfer may start (`signatures`), and its `fixed_bytes`."""
+    def framing(self, code: int) -> tuple[Sequence[int], int | None]:
+        """Return from which values the CRC of a transfer may start, as `starts` does, and its `fixed_bytes`."""
         known = self._framing.get(code)
         if known is None:
-            if len(self._framing) >= _MOST_FRAMING:
+            if len(self._framing) >= _MOST_CODES:
                 self._framing.clear()
-            starts = [crc_start(one) for one in self.signatures(code)]
-            known = self._framing[code] = (starts, self.fixed_bytes(code))
+            known = self._framing[code] = (self.starts(code), self.fixed_bytes(code))
         return known
 
     def starting_from(self, value: int) -> Sequence[str]:

@@ -28,6 +28,7 @@ class Columns:
     """A table; its columns are attributes, a missing time is `NO_TIME`."""
 
     kept: ClassVar[Sequence[str]] = ()  # columns that are kept when the batch is gone
+    long: ClassVar[str] = "data"  # the column of bytes
 
     def __init__(self, batch: pa.RecordBatch, first: int = 0) -> None:
         self._batch = batch
@@ -70,24 +71,21 @@ class Columns:
     def _valid(self) -> dict[str, Array]:
         return {}
 
-    def _bytes(self, name: str, row: int) -> bytes:
-        offsets, data = self._binary[name] if name in self._binary else self._opened(name)
+    @cached_property
+    def raw(self) -> tuple[Array, memoryview]:
+        """All data fields, or payloads: where each begins (one entry more than rows), and the bytes."""
+        array = self._batch.column(self.long)
+        data = array.buffers()[2]
+        return offsets_of(array), memoryview(b"" if data is None else data)
+
+    def _bytes(self, row: int) -> bytes:
+        offsets, data = self.raw
         return bytes(data[offsets.item(row) : offsets.item(row + 1)])
 
-    def _lengths(self, name: str) -> Array:
-        offsets, _ = self._binary[name] if name in self._binary else self._opened(name)
+    def _lengths(self) -> Array:
+        offsets, _ = self.raw
         sizes: Array = offsets[1:] - offsets[:-1]
         return sizes
-
-    @cached_property
-    def _binary(self) -> dict[str, tuple[Array, memoryview]]:
-        return {}
-
-    def _opened(self, name: str) -> tuple[Array, memoryview]:
-        array = self._batch.column(name)
-        data = array.buffers()[2]
-        self._binary[name] = offsets_of(array), memoryview(b"" if data is None else data)
-        return self._binary[name]
 
 
 class FrameTable(Columns):
@@ -106,7 +104,7 @@ class FrameTable(Columns):
     @cached_property
     def length(self) -> Array:
         """Bytes of each data field."""
-        return self._lengths("data")
+        return self._lengths()
 
     @cached_property
     def tail(self) -> Array:
@@ -119,12 +117,7 @@ class FrameTable(Columns):
 
     def data(self, row: int) -> bytes:
         """Return the data field of a row of this batch, tail byte included."""
-        return self._bytes("data", row)
-
-    @property
-    def raw(self) -> tuple[Array, memoryview]:
-        """All data fields: where each begins (one entry more than rows), and the bytes."""
-        return self._binary["data"] if "data" in self._binary else self._opened("data")
+        return self._bytes(row)
 
 
 class TransferTable(Columns):
@@ -135,6 +128,7 @@ class TransferTable(Columns):
     """
 
     kept = ("t", "bus", "kind", "type_id", "variant", "src", "frame")
+    long = "payload"
 
     t: Array
     t_end: Array
@@ -157,7 +151,7 @@ class TransferTable(Columns):
     @cached_property
     def length(self) -> Array:
         """Payload bytes of each."""
-        return self._lengths("payload")
+        return self._lengths()
 
     @cached_property
     def code(self) -> Array:
@@ -188,11 +182,11 @@ class TransferTable(Columns):
 
     def payload(self, row: int) -> bytes:
         """Return the payload of a transfer of this batch, CRC left out."""
-        return self._bytes("payload", row)
+        return self._bytes(row)
 
     def payloads(self, rows: Array) -> Array:
         """Return the payloads of transfers of this batch that are equally long, a row of bytes each."""
-        offsets, data = self._binary["payload"] if "payload" in self._binary else self._opened("payload")
+        offsets, data = self.raw
         size = int(offsets[rows[0] + 1] - offsets[rows[0]]) if len(rows) else 0
         found: Array = np.frombuffer(data, np.uint8)[offsets[rows].astype(np.int64)[:, None] + np.arange(size)]
         return found
@@ -222,7 +216,7 @@ class EventTable(Columns):
 
     def data(self, row: int) -> bytes:
         """Return the data field of an error frame."""
-        return self._bytes("data", row)
+        return self._bytes(row)
 
 
 def _packed(batch: pa.RecordBatch) -> pa.RecordBatch:

@@ -72,7 +72,7 @@ def test_what_a_sender_did_so_often_it_does_again() -> None:
 
     def like(frames: int, received: int) -> str:
         senders, shapes = np.array([sender]), np.array([budgets.shapes_of(frames, received)])
-        return known.whats[known.like_all(senders, shapes).item()]
+        return budgets.WHATS[known.like_all(senders, shapes).item()]
 
     def note(frames: int, received: int, what: str, count: int) -> None:
         for _ in range(count):
@@ -82,8 +82,8 @@ def test_what_a_sender_did_so_often_it_does_again() -> None:
     note(3, 16, causes.LOST, 20)
     assert like(3, 16) == causes.LOST
     assert like(4, 20) == causes.LOST, "of a shape that was never seen"
-    note(4, 20, "other", 3)
-    assert like(4, 20) == "other"
+    note(4, 20, causes.SWAPPED, 3)
+    assert like(4, 20) == causes.SWAPPED
     assert like(9, 60) == budgets.NOT_SEARCHED
 
 

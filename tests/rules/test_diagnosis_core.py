@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -212,6 +213,10 @@ def test_the_core_finds_other_transfer_ids_and_the_same_bytes(seed: int) -> None
     assert whole.alike(*where, data, most) == (count, alike)
     parts = batches(rows, sorted(chance.sample(range(len(rows)), min(3, len(rows)))))
     assert [one for part in parts for one in part.others(*where, mine, len(rows))] == others
+    asked = np.array([(*where, mine), (*where, mine + 1), (0, 0, *where[2:], mine)], np.int64).T.copy()
+    begins, numbers = (np.frombuffer(column, np.int64).tolist() for column in whole.all_others((*asked,), most))
+    each = [[number for number, _ in whole.others(*one, most)] for one in asked.T.tolist()]
+    assert [numbers[begin:end] for begin, end in pairwise(begins)] == each
 
 
 def test_columns_that_do_not_fit_together_are_refused() -> None:

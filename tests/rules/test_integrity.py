@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -171,6 +174,38 @@ def _seeded(start: int, number: int) -> list[Frame]:
     body = bytes((*range(number, number + 13), 7))
     first, *rest = status(number, body)
     return [replace(first, data=encode.crc16(body, start).to_bytes(2, "little") + first.data[2:]), *rest]
+
+
+@pytest.mark.parametrize("most", [3, 1000])
+def test_wrong_crcs_are_told_together_as_one_by_one(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """Damage of every kind, by chance one that a mistake gives, too."""
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", most)
+    chance, wrong = random.Random(5), []
+    for k in range(3, 120):
+        frames = status(k)
+        for at in chance.sample(range(3), chance.choice((1, 1, 1, 3))):
+            body = bytearray(frames[at].data)
+            body[0] ^= chance.choice((1 << k % 8, 0x5A))
+            frames[at] = replace(frames[at], data=bytes(body))
+        wrong += frames if k % 5 else [frames[0], replace(frames[1], data=frames[1].data[2:]), frames[2]]
+        wrong += _seeded(0, k) if k in {50, 90} else status(k + 1)
+    capture, calm = text(good(3), wrong, good(30, 3)), wrong_crc.WrongCrcs._calm
+    told: list[int] = []
+
+    def counted(*given: Any) -> Any:
+        found = calm(*given)
+        told.append(len(found))
+        return found
+
+    def none(*_given: Any) -> Any:
+        return np.empty(0, np.int64)
+
+    monkeypatch.setattr(wrong_crc.WrongCrcs, "_calm", counted)
+    together = judge(capture, RULES, 60)
+    assert sum(told) > 2
+    monkeypatch.setattr(wrong_crc.WrongCrcs, "_calm", none)
+    assert together == judge(capture, RULES, 60)
+    assert {one.rule for one in together} >= {"TRF-010"}
 
 
 def test_a_crc_with_the_signature_of_another_name() -> None:

@@ -4,7 +4,8 @@
 //! An answer by CRC is wrong once in 65536 attempts, so attempts are few. [`index`] finds the frames of a session,
 //! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`], [`losses`] and [`misnumbered`] are the
 //! causes, [`questions`] what rules ask; [`starts`] shows how a session counted, and [`counters`] whether several senders
-//! did: by turns ([`interleaved`]), or one between what another one sends ([`resumed`]). [`budgets`] bounds the searches.
+//! did: by turns ([`interleaved`]), or one between what another one sends ([`resumed`]). [`budgets`] bounds the searches,
+//! [`mistakes`] spares some.
 #![forbid(unsafe_code)]
 
 use crate::wire::crc;
@@ -15,6 +16,7 @@ pub mod index;
 pub mod interleaved;
 pub mod losses;
 pub mod misnumbered;
+pub mod mistakes;
 pub mod neighbours;
 pub mod proofs;
 pub mod questions;

@@ -21,6 +21,7 @@ pub mod begun_anew;
 pub mod early_wraps;
 pub mod late_copies;
 pub mod node;
+pub mod odd;
 pub mod places;
 pub mod several;
 pub mod shared_counter;

@@ -54,16 +54,20 @@ pub struct Place {
 #[derive(Clone, Debug, Default)]
 pub struct Orphans {
     sessions: HashMap<i64, Session>,
+    /// Sessions with more frames than are looked through.
+    full: Vec<i64>,
 }
 
 impl Orphans {
     /// Forgets all but the latest frames of each session, before those of the next batch come: of these all are there as
     /// long as somebody asks, so that what is found does not depend on where batches begin.
     pub fn forget(&mut self) {
-        for known in self.sessions.values_mut() {
-            let over = known.frames.len().saturating_sub(FRAMES);
-            known.frames.drain(..over);
-            known.frames.shrink_to(2 * FRAMES);
+        for session in self.full.drain(..) {
+            if let Some(known) = self.sessions.get_mut(&session) {
+                let over = known.frames.len().saturating_sub(FRAMES);
+                known.frames.drain(..over);
+                known.frames.shrink_to(2 * FRAMES);
+            }
         }
     }
 
@@ -81,6 +85,9 @@ impl Orphans {
             _ => known.frames.len(),
         };
         known.frames.insert(at, Kept::of(frame));
+        if known.frames.len() == FRAMES + 1 {
+            self.full.push(session);
+        }
     }
 
     /// Whether any frame came before one.

@@ -32,7 +32,9 @@ mod load;
 mod log_records;
 mod mcap;
 mod merge;
+mod mistakes;
 mod motor;
+mod odd_steps;
 mod orphans;
 mod packets;
 mod proto;
@@ -234,7 +236,6 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
-    m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::tails_before, m)?)?;
     m.add_function(wrap_pyfunction!(frame_cells::frame_lines, m)?)?;
     m.add_function(wrap_pyfunction!(frame_cells::frame_cells, m)?)?;
@@ -242,6 +243,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
+    m.add_function(wrap_pyfunction!(mistakes::crc_starts, m)?)?;
+    m.add_function(wrap_pyfunction!(mistakes::mistaken, m)?)?;
     m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
     m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;
     m.add_class::<rows::Template>()?;

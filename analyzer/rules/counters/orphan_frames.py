@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer._native import OrphanIndex
-from analyzer.decode.sent import cells
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.tables import TAIL_ID, VERDICTS
 
 if TYPE_CHECKING:
-    from analyzer._native import Cells
     from dissectors.kit import Array, View
 
 _ASTRAY = tuple(VERDICTS.index(name) for name in ("orphan", "wrong transfer id"))
@@ -21,41 +19,30 @@ _ASTRAY = tuple(VERDICTS.index(name) for name in ("orphan", "wrong transfer id")
 class OrphanFrames:
     """Remembers the frames of sessions that belong to no transfer.
 
-    A session is the bus above 32 bits of `session_bits`; of one without a time nothing is said.
+    A session is the bus above 32 bits of `session_bits`. The core looks in the `index`.
     """
 
     def __init__(self) -> None:
-        self._index = OrphanIndex()
+        self.index = OrphanIndex()
 
     def feed(self, view: View) -> None:
         """Add those of a batch, and of earlier ones whose sessions became certain."""
-        self._index.forget()
-        late = view.settled.of(np.flatnonzero(np.isin(view.settled.verdict, _ASTRAY) & view.settled.known))
-        if len(late.bus):
+        self.index.forget()
+        settled = view.settled
+        if len(settled.number):
+            late = settled.of(np.flatnonzero(_is_astray(settled.verdict) & settled.known))
             self._add(late.bus << 32 | session_bits(late.id, late.verdict), late.number, late.t, late.tail)
         f = view.frames
-        if not f.verdict.any():
+        rows = np.flatnonzero(_is_astray(f.verdict))
+        if not len(rows):
             return
-        rows = np.flatnonzero(np.isin(f.verdict, _ASTRAY))
         bits = session_bits(f.id[rows], f.verdict[rows])
         self._add(f.bus[rows].astype(np.int64) << 32 | bits, f.first + rows, f.t[rows], f.tail[rows])
 
-    def before(self, session: Array, since: Array, lead: Array) -> Array:
-        """Return whether any came after a time, up to a frame."""
-        return _mask(self._index.before((session, since, lead + 1)))
-
-    def behind(self, session: Array, since: Array, lead: Array) -> Array:
-        """Return whether any came after a time, behind a frame."""
-        return _mask(self._index.behind((session, since, lead)))
-
-    def cover(self, session: Array, since: Array, lead: Array, first: Array, count: Array) -> Array:
-        """Return whether frames with all of `count` transfer IDs from `first` on came after a time, before a frame."""
-        asked = session, since, lead
-        return _mask(self._index.cover(asked, first.astype(np.uint8), count.astype(np.uint8)))
-
     def _add(self, session: Array, number: Array, t: Array, tail: Array) -> None:
-        self._index.add(session, number, t, tail & np.uint8(TAIL_ID))
+        self.index.add(session, number, t, tail & np.uint8(TAIL_ID))
 
 
-def _mask(column: Cells) -> Array:
-    return cells(column, np.uint8).view(bool)
+def _is_astray(verdict: Array) -> Array:
+    found: Array = (verdict == _ASTRAY[0]) | (verdict == _ASTRAY[1])
+    return found

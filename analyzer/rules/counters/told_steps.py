@@ -19,13 +19,13 @@ from analyzer.rules.counters.id_steps import (
 )
 from analyzer.rules.transfers.lists import picked
 from analyzer.tables import TRANSFER_IDS
-from dissectors.kit import MILLISECOND, Occurrences, groups
+from dissectors.kit import MILLISECOND, Occurrences, by_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer._native import _IdTold
-    from dissectors.kit import Array, Severity
+    from dissectors.kit import Array
 
 REORDERED = "transfers in another order"
 _MOVED, _NOTED = 8, 16  # further bits of a step's marks: only the order changed, and that proves little
@@ -60,35 +60,42 @@ class ToldSteps(NamedTuple):
 
     def occurrences(self) -> Iterator[Occurrences]:
         """Yield those of a node that have the same rule and severity together, in the order in which these come."""
+        if not len(self.t):
+            return
         gap, moved = self.rule == IS_GAP, self.marks & _MOVED != 0
         noted = np.where(moved, self.marks & _NOTED, gap * (self.marks & (LATE | EARLY))) != 0
         apart = np.where(moved, IS_GAP, self.rule) * 8 + moved * 4 + noted * 2 + (gap & (self.marks & ASTRAY != 0))
-        sender = self.bus.astype(np.int64) << 8 | self.node
-        each = [(int(rows[0]), key, rows) for key, rows in groups(sender << 8 | apart)]
-        for _, key, rows in sorted(each, key=lambda one: one[0]):
-            yield self._together(rows, RULES[(key & 0xFF) >> 3], "note" if key & 2 else None)
+        keys = (self.bus.astype(np.int64) << 8 | self.node) << 8 | apart
+        order, begins = by_key(keys)
+        ours, keys = self._take(order), keys[order]
+        lead = ours.numbers[ours.begins[:-1]].astype(np.int64)
+        ends = [*begins.tolist(), len(order)]
+        for _, begin, end in sorted(zip(order[begins].tolist(), ends, ends[1:], strict=False)):
+            yield ours.together(slice(begin, end), lead, keys.item(begin) & 0xFF)
 
-    def _together(self, rows: Array, rule: str, severity: Severity | None) -> Occurrences:
-        ours = self._take(rows)
+    def together(self, rows: slice, lead: Array, apart: int) -> Occurrences:
+        """Return rows that are told together; `lead` are the first frames of all."""
+        begin, rule = rows.start, RULES[apart >> 3]
         return Occurrences(
             rule=rule,
-            t=ours.t,
-            bus=ours.bus.astype(np.int64),
-            node=ours.node.astype(np.int64),
-            type=ours.code,
-            frame=ours.numbers[ours.begins[:-1]].astype(np.int64),
-            values=ours.values,
-            frames=ours.frames,
-            severity=severity,
+            t=self.t[rows],
+            bus=self.bus[rows],
+            node=self.node[rows],
+            type=self.code[rows],
+            frame=lead[rows],
+            values=lambda k: self.values(begin + k),
+            frames=lambda k: self.frames(begin + k),
+            severity="note" if apart & 2 else None,
             drops=rule != COPIED,
-            since=ours.since,
+            since=self.since[rows],
         )
 
     def _take(self, rows: Array) -> ToldSteps:
-        """Return some of them, with no other frames than theirs."""
+        """Return them in another order, with no other frames than theirs; nodes are i64 then."""
         begins, places = picked(self.begins, rows)
         columns = (column[rows] for column in self[:-2])
-        return ToldSteps._make((*columns, begins, self.numbers[places]))
+        found = ToldSteps._make((*columns, begins, self.numbers[places]))
+        return found._replace(bus=found.bus.astype(np.int64), node=found.node.astype(np.int64))
 
     def frames(self, k: int) -> Sequence[int]:
         """Return the numbers of all frames of one."""

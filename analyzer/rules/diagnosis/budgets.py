@@ -8,7 +8,8 @@ import numpy as np
 
 from analyzer._native import Budget, Causes
 from analyzer.decode.sent import cells
-from analyzer.rules.diagnosis.causes import FORMS, GONE, NOT_SEARCHED, Cause
+from analyzer.rules.diagnosis.causes import FORMS, GONE, NOT_SEARCHED, NOTED, Cause
+from analyzer.rules.diagnosis.checksums import CORRUPTED, DOUBTFUL
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
@@ -17,6 +18,10 @@ LIKE = " (like earlier ones)"
 MOST_SEARCHES = 500  # transfers of one type and sender whose cause is searched
 MOST_SENDERS = 4096  # of which that is counted
 MOST_SHAPES = 63  # of one sender's transfers that are kept apart
+# Words of causes by number: those of the core's forms, an empty one is told by another finding.
+WHATS = (*(form.what for form in FORMS), CORRUPTED, DOUBTFUL)
+NUMBERS = {what: WHATS.index(what) for what in WHATS}
+IS_NOTED = np.array([what in NOTED for what in WHATS])
 _NEARLY_ALL = 0.9
 _AT_ONCE = 256  # causes noted one by one that the core takes together; more wait longer than it is worth
 _CODE_BITS, _NODE_BITS = 34, 9
@@ -71,20 +76,16 @@ class SearchBudget:
 class KnownCauses:
     """The causes that were found for each sender, by the shape of its transfers.
 
-    Senders and shapes are numbers as `senders_of` and `shapes_of` give them, causes the places of their words: those of
-    `FORMS` come first, an empty one is told by another finding.
+    Senders and shapes are numbers as `senders_of` and `shapes_of` give them, causes are `NUMBERS`.
     """
 
     def __init__(self) -> None:
         self._known = Causes(MOST_SENDERS, MOST_SHAPES)
         self._new: list[tuple[int, int, int]] = []  # noted one by one since
-        self.whats = [form.what for form in FORMS]
 
     def note(self, source: tuple[int, int, int], frames: int, received: int, what: str) -> None:
         """Note a cause by its words, of one transfer: bus, node and type, frames and bytes that came."""
-        if what not in self.whats:
-            self.whats.append(what)
-        self._new.append((_sender(*source), frames << _FRAMES_BIT | received, self.whats.index(what)))
+        self._new.append((_sender(*source), frames << _FRAMES_BIT | received, NUMBERS[what]))
         if len(self._new) >= _AT_ONCE:
             self._settle()
 

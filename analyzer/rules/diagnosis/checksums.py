@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer._native import crc_starts, mistaken
+from analyzer.decode.sent import cells
 from analyzer.rules.diagnosis.causes import Cause
 from dissectors.kit.definitions import CRC_BEGIN, crc_start
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from dissectors.kit import Array
+    from dissectors.kit import Array, Types
 
 CORRUPTED = "corrupted"
 DOUBTFUL = "corrupted, or a wrong signature"  # of a sender without a right CRC nearby
@@ -123,12 +125,12 @@ def one_bit(difference: int, length: int) -> int | None:
     return None if behind >= length else 1 + length - behind
 
 
-def one_bit_fits(difference: Array, length: Array) -> Array:
-    """Return a mask of the CRCs that one turned bit explains, as `one_bit` does."""
+def one_bit_of_each(difference: Array, length: Array) -> Array:
+    """Return the same of many, -1 where no one bit does."""
     behind = _turned_behind()[difference]
     in_crc = difference & (difference - 1) == 0
-    found: Array = (difference != 0) & (length <= MOST_BYTES) & (in_crc | (behind < length))
-    return found
+    fits = (difference != 0) & (length <= MOST_BYTES) & (in_crc | (behind < length))
+    return np.where(fits, np.where(in_crc, difference > 0x80, 1 + length - behind), -1)
 
 
 @cache
@@ -155,27 +157,34 @@ def start_of(wire: int, payload: bytes) -> int:
 
 def starts_of(wire: Array, payloads: Sequence[bytes]) -> Array:
     """Return from which values the CRC of each payload ends as `wire` (integers, as many): the CRC run backwards."""
-    table, index_of = _tables()
-    lengths = np.array([len(payload) for payload in payloads], np.int64)
-    order = np.argsort(-lengths, kind="stable")
-    ends = np.cumsum(lengths)[order]
-    data = np.frombuffer(b"".join(payloads), np.uint8)
-    value = np.asarray(wire, np.int64)[order]
-    rows = np.searchsorted(-lengths[order], -np.arange(int(lengths.max(initial=0))), side="left")
-    for step, active in enumerate(rows.tolist(), 1):
-        byte = data[ends[:active] - step]
-        now = value[:active]
-        index = index_of[now & 0xFF]
-        value[:active] = (index ^ byte) << 8 | (now ^ table[index]) >> 8
-    found = np.empty_like(value)
-    found[order] = value
-    return found
+    ends = np.cumsum([0, *map(len, payloads)], dtype=np.int64)
+    return starts_of_all(np.asarray(wire, np.int64), ends, np.frombuffer(b"".join(payloads), np.uint8))
 
 
-@cache
-def _tables() -> tuple[Array, Array]:
-    """Return what one byte does to a CRC of 0, and the byte by the low half of that."""
-    table = np.array([crc_hqx(bytes((byte,)), 0) for byte in range(256)], np.int64)
-    index_of = np.empty(256, np.int64)
-    index_of[table & 0xFF] = np.arange(256)
-    return table, index_of
+def starts_of_all(wire: Array, begins: Array, data: Array) -> Array:
+    """Return the same of payloads that lie one behind the other; `begins` has one entry more than there are."""
+    return cells(crc_starts((wire, begins, data)), np.int64)
+
+
+def may_be_mistaken(types: Types, code: Array, wire: Array, begins: Array, data: Array) -> Array:
+    """Return a mask of the wrong CRCs that a mistake may give: of others `wrong_crc` and `formulas` find none.
+
+    Args:
+        types: the definitions.
+        code: the type of each.
+        wire: the CRCs as received.
+        begins: where the payload of each begins in `data`, one entry more.
+        data: all payloads.
+    """
+    codes, which = np.unique(code, return_inverse=True)
+    starts = [
+        (types.starts(one), _mistaken_starts(tuple(types.signatures(one)), tuple(types.mistaken(one))))
+        for one in codes.tolist()
+    ]
+    return cells(mistaken(starts, which, (wire, begins, data)), np.uint8).view(bool)
+
+
+@lru_cache(maxsize=1024)
+def _mistaken_starts(signatures: tuple[int, ...], others: tuple[int, ...]) -> Sequence[int]:
+    """Return the values from which the CRC of a type starts by mistake."""
+    return [CRC_BEGIN, *(way.start for way in _ways(signatures) if not way.xor), *map(crc_start, others)]

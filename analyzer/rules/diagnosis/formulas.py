@@ -52,6 +52,10 @@ class Formulas:
         known = view.types.signatures(one.code), view.types.mistaken(one.code)
         return checksums.wrong_crc(one.wire, one.payload, *known)
 
+    def holds(self, source: Source) -> bool:
+        """Return whether a transfer of a sender is kept."""
+        return source in self._held
+
     def proved(self, one: Incomplete, fits: Sequence[Formula]) -> Formula | None:
         """Return the formula that the transfer before it fits, too."""
         held = self._held.get(one.source)

@@ -2,220 +2,153 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.diagnosis.budgets import senders_of, shapes_of
-from analyzer.rules.diagnosis.causes import Cause
-from analyzer.rules.diagnosis.checksums import CORRUPTED, one_bit_fits, starts_of
+from analyzer.rules.diagnosis.checksums import may_be_mistaken, one_bit_of_each, starts_of_all
 from analyzer.rules.diagnosis.search import FrameLists
-from analyzer.rules.transfers.incomplete import (
-    CUT,
-    FOLLOWS,
-    LATE,
-    SEQUENCE,
-    Incomplete,
-    take_row,
-    turned_bit,
-    values_of,
-)
-from analyzer.rules.transfers.lists import picked
+from analyzer.rules.transfers.incomplete import BY_CRC, CUT, LATE, ROOM, Incomplete
+from analyzer.rules.transfers.lists import Lists
 from analyzer.rules.view import MESSAGE
-from dissectors.kit import Occurrences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
     from analyzer.rules.transfers.incomplete import Source
-    from dissectors.kit import Array, TransferTable, Values, View
+    from dissectors.kit import Array, TransferTable, Types
 
-ENDED = ("", CUT, LATE)  # what `Rows.ended` stands for
-TURNED_BIT = Cause(CORRUPTED, " by one turned bit")  # of those that are shown it is said which one
+ENDED = ("", CUT, LATE)  # what `BrokenTransfers.ended` stands for
+_NUMBERS = (
+    "due", "batch", "ended", "t", "t_end", "bus", "src", "node", "code", "fd", "length", "crc", "wire", "told", "here",
+    "size", "lead", "last",
+)  # fmt: skip
 
 
-class Why(NamedTuple):
-    """Causes of many transfers: a number that is the same where the same thing happened, what makes the words of one.
+class BrokenTransfers:
+    """Broken transfers of some batches, in the order in which they ended; cells are i64.
 
-    `further` gives frames that show it, beside those of the transfer.
+    `due` are bits of what is still to be told of each, `ended` says which rule the missing end breaches, `batch` is the
+    number of the batch's first transfer. `crc` says whether there is a CRC as received (`wire`), `told` whether there
+    is one as computed (`here`). `size` is how many frames came, `lead` and `last` are the numbers of the first and the
+    last, `frames` those of all.
     """
 
-    kind: Array
-    cause: Callable[[int], Cause]
-    further: Callable[[int], Sequence[int]] | None = None
+    def __init__(self, cells: Array, frames: Lists, payloads: Lists) -> None:
+        self._cells, self.frames, self.payloads = cells, frames, payloads
+        (
+            self.due, self.batch, self.ended, self.t, self.t_end, self.bus, self.src, self.node, self.code, self.fd,
+            self.length, self.crc, self.wire, self.told, self.here, self.size, self.lead, self.last,
+        ) = cells  # fmt: skip
 
     @classmethod
-    def of(cls, causes: Sequence[Cause]) -> Why:
-        """Return what these say."""
-        whats = [what for what, _ in causes]
-        ids = {what: k for k, what in enumerate(dict.fromkeys(whats))}
-        return cls(np.fromiter(map(ids.__getitem__, whats), np.int64, len(whats)), causes.__getitem__)
-
-
-class Rows(NamedTuple):
-    """Transfers that breach a rule, in the order in which they ended.
-
-    `row` are rows of the table, `frames` how many came of each, and `last` the number of the last of these. `ended`
-    says which rule the missing end breaches, if another one says why.
-    """
-
-    rule: str
-    table: TransferTable
-    row: Array
-    ended: Array
-    frames: Array
-    last: Array
+    def none(cls) -> Self:
+        """Return no rows."""
+        return cls(np.empty((len(_NUMBERS), 0), np.int64), Lists.none(np.uint64), Lists.none(np.uint8))
 
     @classmethod
-    def of(cls, rule: str, table: TransferTable, row: Array, ended: Array) -> Rows:
-        """Return rows of a table."""
-        begins, numbers = table.frame_lists
-        return cls(
-            rule, table, row, ended, begins[row + 1] - begins[row], numbers[begins[row + 1] - 1].astype(np.int64)
-        )
+    def of(cls, t: TransferTable, rows: Array, due: Array, ended: Array) -> Self:
+        """Return rows of a batch."""
+        offsets, numbers = t.frame_lists
+        begins, ends, crc = offsets[rows], offsets[rows + 1], t.has("crc_wire")[rows]
+        src, code = t.src[rows].astype(np.int64), t.code[rows]
+        node = np.where((src == 0) & (code >> 16 != MESSAGE), NOBODY, src)
+        columns = (
+            due, t.first, ended, t.t[rows], t.t_end[rows], t.bus[rows], src, node, code, t.fd[rows], t.length[rows],
+            crc, t.crc_wire[rows], t.has("crc_here")[rows], t.crc_here[rows], ends - begins, t.lead[rows],
+            numbers[ends - 1],
+        )  # fmt: skip
+        cells = np.empty((len(columns), len(rows)), np.int64)
+        for k, column in enumerate(columns):
+            cells[k] = column
+        begins, data = t.raw
+        payloads = Lists(begins, np.frombuffer(data, np.uint8)).take(rows)
+        return cls(cells, Lists(offsets, numbers).take(rows), payloads)
 
-    def take(self, which: Array | slice) -> Rows:
-        """Return some of them."""
-        columns = (column[which] for column in (self.row, self.ended, self.frames, self.last))
-        return Rows(self.rule, self.table, *columns)
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes."""
+        return self
 
-    def before(self, end: int) -> int:
-        """Return how many come before the first whose last frame is not before another one."""
-        late = self.last >= end
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.t)
+
+    def left(self, due: Array) -> Self:
+        """Return those of which something is still to be told, if that is `due` of each."""
+        rows = np.flatnonzero(due)
+        cells = self._cells.take(rows, axis=1)
+        cells[0] = due[rows]
+        return type(self)(cells, self.frames.take(rows), self.payloads.take(rows))
+
+    def joined(self, more: BrokenTransfers) -> Self:
+        """Return these and others behind them."""
+        cells = np.concatenate((self._cells, more._cells), axis=1)
+        return type(self)(cells, self.frames.joined(more.frames), self.payloads.joined(more.payloads))
+
+    def before(self, rows: Array, end: int) -> int:
+        """Return how many of some rows come before the first whose last frame is not before another one."""
+        late = self.last[rows] >= end
         return int(late.argmax()) if late.any() else len(late)
 
-    @property
-    def senders(self) -> Array:
-        """Senders and types, a number each."""
-        t, row = self.table, self.row
-        return senders_of(t.bus[row], t.src[row], t.code[row])
+    def senders(self, rows: Array) -> Array:
+        """Return senders and types, a number each."""
+        return senders_of(self.bus[rows], self.src[rows], self.code[rows])
 
-    def sources(self) -> list[Source]:
+    def shapes(self, rows: Array) -> Array:
+        """Return frames and bytes of each that came, a number each."""
+        return shapes_of(self.size[rows], self.length[rows] + 2 * self.crc[rows])
+
+    def sources(self, rows: Array) -> list[Source]:
         """Return bus, node and type of each."""
-        t, row = self.table, self.row
-        return list(zip(*(column[row].tolist() for column in (t.bus, t.src, t.code)), strict=True))
+        return list(zip(*(column[rows].tolist() for column in (self.bus, self.src, self.code)), strict=True))
 
-    @property
-    def shapes(self) -> Array:
-        """Frames and bytes of each that came, a number each."""
-        received = self.table.length[self.row].astype(np.int64) + 2 * self.table.has("crc_wire")[self.row]
-        return shapes_of(self.frames, received)
-
-    def lists(self) -> FrameLists:
+    def lists(self, rows: Array) -> FrameLists:
         """Return their frames."""
-        begins, numbers = self.table.frame_lists
-        offsets, places = picked(begins, self.row)
-        return FrameLists(numbers[places], offsets, self.table.code[self.row], self.table.fd[self.row])
+        offsets, numbers = self.frames.take(rows)
+        return FrameLists(numbers, offsets, self.code[rows], self.fd[rows])
 
-    def crc_and_payload(self, k: int) -> tuple[int, bytes]:
-        """Return the CRC of one as received, and all bytes behind it."""
-        row = int(self.row[k])
-        return int(self.table.crc_wire[row]), self.table.payload(row)
-
-    def starts(self) -> Array:
+    def starts(self, rows: Array) -> Array:
         """Return from which value the CRC of each starts, as it was received."""
-        t = self.table
-        return starts_of(t.crc_wire[self.row].astype(np.int64), [t.payload(row) for row in self.row.tolist()])
+        return starts_of_all(self.wire[rows], *self.payloads.take(rows))
 
-    def turned(self) -> Array:
+    def may_be_mistaken(self, types: Types, rows: Array) -> Array:
+        """Return a mask of those whose CRC a usual mistake may give."""
+        return may_be_mistaken(types, self.code[rows], self.wire[rows], *self.payloads.take(rows))
+
+    def turned(self, rows: Array) -> Array:
         """Return a mask of those whose CRC one turned bit explains."""
-        t, row = self.table, self.row
-        return one_bit_fits(t.crc_wire[row].astype(np.int64) ^ t.crc_here[row], t.length[row]) & t.has("crc_here")[row]
-
-    def one(self, k: int) -> Incomplete:
-        """Return one of them."""
-        return take_row(self.table, self.rule, int(self.row[k]), ENDED[self.ended[k]])
-
-    def occurrences(self, view: View, why: Why, *, noted: bool, drops: bool) -> Iterator[Occurrences]:
-        """Yield them as breaches, and the ends that broken sequences take with them."""
-        if len(self.row):
-            yield _breaches(self, view, why, noted=noted, drops=drops)
-        for rule in (CUT, LATE) if self.rule == SEQUENCE else ():
-            some = self.take(np.flatnonzero(self.ended == ENDED.index(rule)))._replace(rule=rule)
-            if len(some.row):
-                yield _breaches(some, view, Why.of([FOLLOWS] * len(some.row)), noted=noted, drops=drops)
-
-
-class Said(NamedTuple):
-    """A statement about one transfer: its cause, frames that show it; `rule` is another one than that of its rows."""
-
-    cause: Cause
-    rule: str = ""
-    noted: bool = False
-    drops: bool = False
-    further: Sequence[int] = ()
-
-
-class _Part(NamedTuple):
-    """Rows of a table, and what is said of each."""
-
-    row: list[int]
-    ended: list[int]
-    said: list[Said]
-
-
-class ToldTransfers:
-    """Collects what is said of transfers one by one, so that many are told at once."""
-
-    def __init__(self) -> None:
-        self._parts: dict[tuple[TransferTable, str, bool, bool], _Part] = {}
-
-    def add(self, rows: Rows, k: int, said: Said) -> None:
-        """Add one of some rows."""
-        part = self._part(rows, said)
-        part.row.append(rows.row.item(k))
-        part.ended.append(rows.ended.item(k))
-        part.said.append(said)
-
-    def add_all(self, rows: Rows, said: Sequence[Said]) -> None:
-        """Add some rows, of which the same is said but for causes and frames."""
-        if said:
-            part = self._part(rows, said[0])
-            part.row.extend(rows.row.tolist())
-            part.ended.extend(rows.ended.tolist())
-            part.said.extend(said)
-
-    def _part(self, rows: Rows, said: Said) -> _Part:
-        part = rows.table, said.rule or rows.rule, said.noted, said.drops
-        found = self._parts.get(part)
-        if found is None:
-            found = self._parts[part] = _Part([], [], [])
+        found: Array = (self._turned(rows) >= 0) & (self.told[rows] != 0)
         return found
 
-    def occurrences(self, view: View) -> Iterator[Occurrences]:
-        """Yield all of them; then there are none."""
-        parts, self._parts = self._parts, {}
-        for (table, rule, noted, drops), (row, ended, said) in parts.items():
-            rows = Rows.of(rule, table, np.array(row, np.int64), np.array(ended, np.int64))
-            why = Why.of([one.cause for one in said])._replace(further=partial(_further, said))
-            yield from rows.occurrences(view, why, noted=noted, drops=drops)
+    def turned_inside(self, rows: Array) -> Array:
+        """Return a mask of those of which `turned_bit` tells which one, if frames are full."""
+        at = self._turned(rows)
+        found: Array = (at >= 0) & (at // np.where(self.fd[rows], *ROOM) < self.size[rows])
+        return found
 
+    def _turned(self, rows: Array) -> Array:
+        return one_bit_of_each(self.wire[rows] ^ self.here[rows], self.length[rows])
 
-def _further(said: Sequence[Said], k: int) -> Sequence[int]:
-    return said[k].further
+    def frames_of(self, row: int) -> Sequence[int]:
+        """Return the numbers of the frames of one."""
+        return self.frames.one(row)
 
+    def payload(self, row: int) -> bytes:
+        """Return the payload of one, CRC left out."""
+        offsets, data = self.payloads
+        return bytes(data[offsets.item(row) : offsets.item(row + 1)])
 
-def _breaches(rows: Rows, view: View, why: Why, *, noted: bool, drops: bool) -> Occurrences:
-    t, row = rows.table, rows.row
-    src, code = t.src[row].astype(np.int64), t.code[row]
-    nobody = (src == 0) & (code >> 16 != MESSAGE)
-
-    known: dict[int, Values] = {}  # of what is shown first also its key is asked
-
-    def values(k: int) -> Values:
-        if k not in known:
-            one, cause = rows.one(k), why.cause(k)
-            known[k] = values_of(view, one, turned_bit(one) if cause is TURNED_BIT else cause)
-        return known[k]
-
-    def frames(k: int) -> Sequence[int]:
-        own = t.frames(int(row[k]))
-        return own if why.further is None else [*own, *why.further(k)]
-
-    return Occurrences(
-        rule=rows.rule, t=t.t[row], bus=t.bus[row], node=np.where(nobody, NOBODY, src), type=code,
-        frame=t.lead[row], values=values, frames=frames, key=why.kind, severity="note" if noted else None,
-        drops=drops, each_named=True,
-    )  # fmt: skip
+    def one(self, rule: str, row: int) -> Incomplete:
+        """Return one as breach of a rule."""
+        crc, wire, here, payload = self.crc.item(row), 0, 0, b""
+        if rule in BY_CRC:
+            payload = self.payload(row)
+            if crc:
+                wire, here = self.wire.item(row), self.here.item(row)
+        return Incomplete(
+            rule, self.t.item(row), self.bus.item(row), self.src.item(row), self.code.item(row),
+            bool(self.fd.item(row)), self.frames_of(row), wire, here, payload, self.length.item(row) + 2 * crc,
+            self.t_end.item(row),
+        )  # fmt: skip

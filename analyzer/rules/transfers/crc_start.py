@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.diagnosis.checksums import starts_of
+from analyzer.rules.diagnosis.checksums import starts_of_all
 from analyzer.rules.transfers.incomplete import corrupted
+from analyzer.rules.transfers.lists import picked
 from analyzer.tables import STATUSES
 from dissectors.kit import Occurrence, Rule
 from dissectors.records import dataclass, field
@@ -89,7 +90,9 @@ class CrcStarts(Rule):
             rows = rows[t.has("crc_wire")[rows]]
         if not len(rows):
             return
-        starts = starts_of(t.crc_wire[rows], [t.payload(row) for row in rows.tolist()])
+        begins, data = t.raw
+        ends, places = picked(begins, rows)
+        starts = starts_of_all(t.crc_wire[rows].astype(np.int64), ends, np.frombuffer(data, np.uint8)[places])
         kinds = (t.kind[rows] >= _SERVICE).astype(np.int64) << 16 | t.type_id[rows]
         for kind in np.unique(kinds).tolist():
             here = kinds == kind

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
@@ -65,7 +66,8 @@ def measured(view: View) -> Iterator[Occurrences]:
             orphans = _only_orphans(view, rows)
             yield view.among_transfers(one.rule, rows[orphans], about, severity="note")
             rows = rows[~orphans]
-        yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
+        if len(rows):
+            yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
 
 
 @rule("TRF-027")
@@ -77,6 +79,8 @@ def paused(view: View) -> Iterator[Occurrences]:
         rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
     else:
         rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+    if not len(rows):
+        return
     begins, numbers = t.frame_lists
     here = numbers[begins[rows]] >= view.frames.first
     yield _pauses(view, rows[here], longest)
@@ -193,7 +197,7 @@ def _others(view: View, row: int) -> list[tuple[int, int]]:
 def _only_orphans(view: View, rows: Array) -> Array:
     """Return a mask of transfers with nothing inside but frames without a transfer: these have a rule (TRF-009)."""
     t, f = view.transfers, view.frames
-    begins, numbers = t.frame_lists
+    ends, numbers = t.frame_lists
     first = t.lead[rows]
     here = first >= f.first
     found = here.copy()
@@ -201,16 +205,16 @@ def _only_orphans(view: View, rows: Array) -> Array:
     for most in (1, NEAR):  # mostly the first one says it
         left = np.flatnonzero(here & found)
         row, at = rows[left], first[left] - f.first
-        high = np.minimum(numbers[begins[row + 1] - 1].astype(np.int64), first[left] + NEAR)
+        high = np.minimum(numbers[ends[row + 1] - 1].astype(np.int64), first[left] + NEAR)
         columns = first[left] + 1, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]
-        wanted = zip(*(column.tolist() for column in columns), strict=True)
-        each = [index.others(*one, most) for index in view.indexes(f.first, f.first + len(f)) for one in wanted]
-        count = np.fromiter(map(len, each), np.int64, len(each))
-        inside = np.fromiter((number for some in each for number, _ in some), np.int64, int(count.sum()))
-        used = ~np.isin(f.verdict[inside - f.first], _ORPHAN)
-        found[left] = (count > 0) & (
-            np.bincount(np.repeat(np.arange(len(each)), count)[used], minlength=len(each)) == 0
-        )
+        if not len(left):
+            break
+        wanted = tuple(column.astype(np.int64) for column in columns)
+        (index,) = view.indexes(f.first, f.first + len(f))
+        begins, inside = (cells(column, np.int64) for column in index.all_others(wanted, most))
+        verdict = f.verdict[inside - f.first]
+        used = np.concatenate(((0,), np.cumsum((verdict != _ORPHAN[0]) & (verdict != _ORPHAN[1]))))
+        found[left] = (begins[1:] > begins[:-1]) & (used[begins[1:]] == used[begins[:-1]])
     return found
 
 

@@ -16,12 +16,13 @@ from dissectors.kit import Occurrence
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from dissectors.kit import TransferTable, Values, View
+    from dissectors.kit import Values, View
 
 SEQUENCE, CUT, LATE, CHECKSUM = "TRF-003", "TRF-006", "TRF-007", "TRF-010"
 DROPS = {SEQUENCE, CUT, LATE}  # what frames that the recorder lost may explain, whatever the cause
 BY_CRC = {CHECKSUM, "TRF-011", "CAN-020"}  # what both CRCs tell
 SECONDS = 2.0  # where the core closes a transfer
+ROOM = (63, 7)  # bytes before the tail of a full frame: of CAN FD, and else
 BY_SEQUENCE = "broken sequence"
 Source = tuple[int, int, int]  # bus, node, type
 
@@ -41,7 +42,6 @@ class Incomplete(NamedTuple):
     payload: bytes
     received: int
     end: int
-    ended: str = ""  # the rule that its missing end breaches, if another one says why
 
     @property
     def source(self) -> Source:
@@ -50,19 +50,6 @@ class Incomplete(NamedTuple):
 
 
 FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
-
-
-def take_row(t: TransferTable, rule: str, row: int, ended: str = "") -> Incomplete:
-    """Return the transfer in a row of a batch, as breach of a rule."""
-    crc, wire, here, payload = t.has("crc_wire").item(row), 0, 0, b""
-    if rule in BY_CRC:
-        payload = t.payload(row)
-        if crc:
-            wire, here = t.crc_wire.item(row), t.crc_here.item(row)
-    return Incomplete(
-        rule, t.t.item(row), t.bus.item(row), t.src.item(row), t.code.item(row), t.fd.item(row), t.frames(row),
-        wire, here, payload, t.length.item(row) + 2 * crc, t.t_end.item(row), ended,
-    )  # fmt: skip
 
 
 def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int] = ()) -> Occurrence:
@@ -101,7 +88,7 @@ def _break_at(view: View, frames: Sequence[int]) -> int:
 def turned_bit(one: Incomplete) -> Cause:
     """Return the cause: corrupted, and where, if one turned bit explains it."""
     at = checksums.one_bit(one.wire ^ one.here, len(one.payload))
-    place = None if at is None else checksums.BytePlace.of(at, 63 if one.fd else 7)
+    place = None if at is None else checksums.BytePlace.of(at, ROOM[0] if one.fd else ROOM[1])
     if place is None or place.frame >= len(one.frames):
         return Cause(checksums.CORRUPTED)
     frame = FrameNumber.at(one.frames[place.frame])

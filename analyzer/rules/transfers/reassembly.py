@@ -5,34 +5,34 @@ A cause may show only in the frames that follow, so each transfer waits for some
 
 from __future__ import annotations
 
-from collections import deque
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike
-from analyzer.rules.diagnosis.causes import EVERY_ID_FORM, FORMS, NOTED, NOTHING, OTHER_ID_FORM
+from analyzer.rules.diagnosis.budgets import IS_NOTED, WHATS, KnownCauses, SearchBudget, alike
+from analyzer.rules.diagnosis.causes import EVERY_ID_FORM, NOTHING, OTHER_ID_FORM
 from analyzer.rules.diagnosis.search import AHEAD, BROKEN, ELSEWHERE, LATER, MISNUMBERED, PROVEN, ask
-from analyzer.rules.transfers.broken_rows import ENDED, Rows, Why
-from analyzer.rules.transfers.incomplete import CHECKSUM, CUT, LATE, SECONDS, SEQUENCE
+from analyzer.rules.transfers.broken_rows import ENDED, BrokenTransfers
+from analyzer.rules.transfers.incomplete import CUT, LATE, SECONDS, SEQUENCE
+from analyzer.rules.transfers.told_transfers import Why, occurrences
 from analyzer.rules.transfers.wrong_crc import WrongCrcs
 from analyzer.tables import TRANSFER_ANOMALIES
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule, groups
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.rules.diagnosis.causes import Cause
+    from analyzer.rules.diagnosis.search import FrameSearch
     from dissectors.kit import Array, Occurrence, Occurrences, TransferTable, View
 
+_RULES = (SEQUENCE, CUT, LATE)  # a bit of `BrokenTransfers.due` each, and one more for a wrong CRC
 _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
     1 << TRANSFER_ANOMALIES.index(name) for name in ("toggle", "crc", "abandoned", "timeout")
 )
 _NEXT = 20 * MILLISECOND  # in which the next frame of a transfer would have come
 _CLOSED = round(SECONDS * SECOND)  # behind its first frame
-_NOTED = np.array([form.what in NOTED for form in FORMS])
-T = TypeVar("T")
 _NEVER = (1 << 63) - 1  # the time of a frame that did not come
 
 
@@ -42,18 +42,18 @@ class Reassembly(Rule):
     rules = ("TRF-003", "TRF-006", "TRF-007", "TRF-010", "TRF-011", "CAN-020")
 
     def __init__(self) -> None:
-        rules = (SEQUENCE, CUT, LATE)
-        self._budgets = {rule: SearchBudget() for rule in rules}
-        self._causes = {rule: KnownCauses() for rule in rules}
+        self._budgets = [SearchBudget() for _ in _RULES]
+        self._causes = [KnownCauses() for _ in _RULES]
         self._crcs = WrongCrcs()
         # In the order in which they ended, so that what is known of a sender does not depend on the batches.
-        self._waiting: dict[str, deque[Rows]] = {rule: deque() for rule in (*rules, CHECKSUM)}
+        self._waiting = BrokenTransfers.none()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
         bits = view.transfers.anomaly & (_TOGGLE | _CRC | _ABANDONED | _TIMEOUT)
-        if bits.any():
-            self._add(view.transfers, bits)
+        rows = np.flatnonzero(bits)
+        if len(rows):
+            self._add(view.transfers, rows, bits[rows])
         yield from self._ready(view, view.frames.first + len(view.frames) - AHEAD)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -61,93 +61,92 @@ class Reassembly(Rule):
         yield from self._ready(view, None)
         yield from self._crcs.finish()
 
-    def _add(self, t: TransferTable, bits: Array) -> None:
+    def _add(self, t: TransferTable, rows: Array, bits: Array) -> None:
         """Add what a batch shows."""
         whole, cut, late = bits & _TOGGLE == 0, bits & _ABANDONED != 0, bits & _TIMEOUT != 0
-        kinds = {SEQUENCE: ~whole, CUT: whole & cut, LATE: whole & late, CHECKSUM: bits & _CRC != 0}
+        due = np.zeros(len(rows), np.int64)
+        for place, kind in enumerate((~whole, whole & cut, whole & late, bits & _CRC != 0)):
+            due[kind] |= 1 << place
         ended = np.where(cut, ENDED.index(CUT), np.where(late, ENDED.index(LATE), 0))
-        for rule, mask in kinds.items():
-            rows = np.flatnonzero(mask)
-            if len(rows):
-                self._waiting[rule].append(Rows.of(rule, t, rows, ended[rows]))
+        new = BrokenTransfers.of(t, rows, due, ended)
+        self._waiting = self._waiting.joined(new) if len(self._waiting) else new
 
     def _ready(self, view: View, end: int | None) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose last frame came before `end`, None for all."""
-        for waiting in self._waiting.values():
-            while waiting:
-                rows = waiting.popleft()
-                ready = len(rows.row) if end is None else rows.before(end)
-                yield from self._explained(view, rows.take(slice(ready)))
-                if ready < len(rows.row):
-                    waiting.appendleft(rows.take(slice(ready, None)))
-                    break
-
-    def _explained(self, view: View, rows: Rows) -> Iterator[Occurrences | Occurrence]:
-        """Yield them with their causes."""
-        if rows.rule == CHECKSUM:
-            yield from self._crcs.explained(view, rows)
+        broken = self._waiting
+        if not len(broken):
             return
-        searched = self._budgets[rows.rule].take(rows.senders)
-        yield from self._searched(view, rows.take(searched))
-        yield from self._unsearched(view, rows.take(~searched))
+        ready, due = [], broken.due.copy()
+        for place in range(len(_RULES) + 1):
+            rows = np.flatnonzero(due & 1 << place)
+            rows = rows if end is None else rows[: broken.before(rows, end)]
+            due[rows] &= ~(1 << place)
+            ready.append(rows)
+        self._waiting = broken.left(due)
+        yield from self._explained(view, broken, ready[:-1])
+        yield from self._crcs.explained(view, broken, ready[-1])
 
-    def _searched(self, view: View, rows: Rows) -> Iterator[Occurrences]:
-        """Yield transfers with the cause that is found."""
-        if not len(rows.row):
+    def _explained(self, view: View, broken: BrokenTransfers, ready: Sequence[Array]) -> Iterator[Occurrences]:
+        """Yield some of each rule, batch by batch: those whose cause is searched, then those that are like them."""
+        rows, rule = np.concatenate(ready), np.repeat(np.arange(len(ready)), [len(some) for some in ready])
+        if not len(rows):
             return
-        found, cut = ask(view, BROKEN, rows.lists()), rows.rule == CUT
-        proven = found.flags & PROVEN != 0
-        elsewhere = found.flags & (ELSEWHERE | LATER if cut else ELSEWHERE) != 0
-        there = np.flatnonzero(~found.gone)
-        whats = np.where(elsewhere, NOTHING, found.kinds)
-        self._causes[rows.rule].note_all(*(column[there] for column in (rows.senders, rows.shapes, whats)))
-        excused = _in_gaps(view, rows, np.where(found.gone, _NEVER, found.value))
-        excused |= found.form == EVERY_ID_FORM
-        # TRF-009 names the frames.
-        excused |= proven & (found.form == OTHER_ID_FORM) & (found.flags & MISNUMBERED == 0)
+        senders, shapes = broken.senders(rows), broken.shapes(rows)
+        searched = np.concatenate([budget.take(senders[rule == k]) for k, budget in enumerate(self._budgets)])
+        place, found = np.flatnonzero(searched), ask(view, BROKEN, broken.lists(rows[searched]))
+        told, kinds, noted = (np.empty(len(rows), kind) for kind in (bool, np.int64, bool))
+        told[place], kinds[place], noted[place] = _judged(found, rule[place])
+        for k, causes in enumerate(self._causes):
+            here = np.flatnonzero((rule[place] == k) & ~found.gone)
+            new, others = place[here], np.flatnonzero((rule == k) & ~searched)
+            causes.note_all(senders[new], shapes[new], np.where(told[new], kinds[new], NOTHING))
+            kinds[others] = known = causes.like_all(senders[others], shapes[others])
+            told[others], noted[others] = known != NOTHING, IS_NOTED[known]
+        behind = np.full(len(rows), _NEVER)
+        behind[place] = np.where(found.gone, _NEVER, found.value)
+        noted |= _in_gaps(view, broken, rows, rule, behind)
+        answer = np.cumsum(searched) - 1
 
-        def further(k: int) -> Sequence[int]:
-            return found.evidence(k) if rows.rule == SEQUENCE or proven[k] else ()
+        def cause(which: Array, k: int) -> Cause:
+            at = which.item(k)
+            return found.cause(answer.item(at)) if searched[at] else alike(WHATS[kinds.item(at)])
 
-        for noted in (False, True):
-            which = np.flatnonzero(~elsewhere & (excused == noted))
-            why = Why(found.kinds[which], partial(_of, found.cause, which), partial(_of, further, which))
-            yield from rows.take(which).occurrences(view, why, noted=noted, drops=True)
+        def further(which: Array, k: int) -> Sequence[int]:
+            at = which.item(k)
+            shown = searched[at] and (_RULES[rule.item(at)] == SEQUENCE or found.flags.item(answer.item(at)) & PROVEN)
+            return found.evidence(answer.item(at)) if shown else ()
 
-    def _unsearched(self, view: View, rows: Rows) -> Iterator[Occurrences]:
-        """Yield transfers with the cause of earlier ones."""
-        if not len(rows.row):
-            return
-        known = self._causes[rows.rule].like_all(rows.senders, rows.shapes)
-        excused = _in_gaps(view, rows, np.full(len(known), _NEVER)) | _NOTED[known]
-        for noted in (False, True):
-            which = np.flatnonzero((known != NOTHING) & (excused == noted))
-            why = Why(known[which], partial(_alike, known[which]))
-            yield from rows.take(which).occurrences(view, why, noted=noted, drops=True)
-
-
-def _alike(known: Array, k: int) -> Cause:
-    """Return the cause of one of those that are told like earlier ones."""
-    return alike(FORMS[known[k]].what)
+        begun = np.append(False, broken.batch[1:] != broken.batch[:-1])
+        code = (rule * len(broken) + np.cumsum(begun)[rows]) << 2 | ~searched << 1 | noted
+        for key, which in groups(np.where(told, code + 1, 0)):
+            if key:
+                name, noted_too = _RULES[rule[which[0]]], bool(key - 1 & 1)
+                why = Why(kinds[which], partial(cause, which), partial(further, which))
+                yield from occurrences(view, broken, name, rows[which], why, noted=noted_too, drops=True)
 
 
-def _of(make: Callable[[int], T], which: Array, k: int) -> T:
-    """Return what is made of one of those that are picked."""
-    return make(int(which[k]))
+def _judged(found: FrameSearch, rule: Array) -> tuple[Array, Array, Array]:
+    """Return of each answer whether this finding tells it, a number for what happened, and whether it is a note."""
+    flags, cut = found.flags, rule == _RULES.index(CUT)
+    elsewhere = flags & np.where(cut, ELSEWHERE | LATER, ELSEWHERE) != 0
+    # TRF-009 names the frames.
+    named = (flags & PROVEN != 0) & (found.form == OTHER_ID_FORM) & (flags & MISNUMBERED == 0)
+    return ~elsewhere, found.kinds, named | (found.form == EVERY_ID_FORM)
 
 
-def _in_gaps(view: View, rows: Rows, behind: Array) -> Array:
+def _in_gaps(view: View, broken: BrokenTransfers, rows: Array, rule: Array, behind: Array) -> Array:
     """Return whether what each transfer lacks may have come in a gap of the capture (CAP-002).
 
-    `behind` is when the first frame of its session came behind its last one.
+    `rule` is the place of the rule that it breaches; `behind` is when the first frame of its session came behind its
+    last one.
     """
-    t, end = (column[rows.row] for column in (rows.table.t, rows.table.t_end))
+    t, end = broken.t[rows], broken.t_end[rows]
     found, timed = np.zeros(len(t), bool), np.flatnonzero(t != NO_TIME)
     if len(timed):
         since, until = np.minimum(t, end)[timed].min(), np.maximum(t, end)[timed].max() + max(_NEXT, _CLOSED)
         if view.paused(int(since), int(until)):  # else there is no gap anywhere near
-            each = zip(*(column[timed].tolist() for column in (t, end, behind)), strict=True)
-            found[timed] = [_in_gap(view, rows.rule, *times) for times in each]
+            each = zip(*(column[timed].tolist() for column in (rule, t, end, behind)), strict=True)
+            found[timed] = [_in_gap(view, _RULES[kind], *times) for kind, *times in each]
     return found
 
 

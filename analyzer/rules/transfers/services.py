@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -11,16 +11,15 @@ from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
 from analyzer.rules.recent import MOST_LINES
-from analyzer.rules.transfers.lists import picked, placed
+from analyzer.rules.transfers.lists import Lists, placed
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
-from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer._native import Cells
-    from dissectors.kit import Array, TransferTable, Values, View
+    from dissectors.kit import Array, Severity, TransferTable, Values, View
 
 REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
@@ -38,58 +37,56 @@ _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 _STRAY, _MISSED, _SLOW, _REPEATED, _PRIORITY = range(5)  # what the core says of a transfer
 
 
-class _Parts(NamedTuple):
-    """Requests and responses, a row each; `numbers` from one of `offsets` to the next are the frames of each.
+class _Parts:
+    """Requests and responses, a row each, cells are i64.
 
     `lines` are those of a transfer of an earlier batch, whose frames may be gone when it is told, else None.
     """
 
-    t: Array
-    t_end: Array
-    bus: Array
-    src: Array
-    dst: Array
-    code: Array
-    priority: Array
-    transfer_id: Array
-    lines: Array
-    offsets: Array
-    numbers: Array
+    def __init__(self, cells: Array, lines: Array, frames: Lists) -> None:
+        self._cells, self.lines, self._frames = cells, lines, frames
+        self.t, self.t_end, self.bus, self.src, self.dst, self.code, self.priority, self.transfer_id = cells
 
     @classmethod
-    def none(cls) -> _Parts:
+    def none(cls) -> Self:
         """Return no rows."""
-        cells = (np.empty(0, object if name == "lines" else np.int64) for name in cls._fields)
-        return cls._make(cells)._replace(offsets=np.zeros(1, np.int64))
+        return cls(np.empty((8, 0), np.int64), np.empty(0, object), Lists.none(np.int64))
 
     @classmethod
-    def of(cls, t: TransferTable, rows: Array) -> _Parts:
+    def of(cls, t: TransferTable, rows: Array) -> Self:
         """Return rows of a batch."""
         columns = t.t, t.t_end, t.bus, t.src, t.dst, t.code, t.priority, t.transfer_id
-        own = (column[rows].astype(np.int64) for column in columns)
-        ends, numbers = t.frame_lists
-        offsets, places = picked(ends.astype(np.int64), rows)
-        return cls._make((*own, np.full(len(rows), None), offsets, numbers[places].astype(np.int64)))
+        cells = np.empty((len(columns), len(rows)), np.int64)
+        for k, column in enumerate(columns):
+            cells[k] = column[rows]
+        offsets, numbers = Lists(*t.frame_lists).take(rows)
+        return cls(cells, np.full(len(rows), None), Lists(offsets, numbers.astype(np.int64)))
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes once its lines are kept."""
+        return self
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.t)
 
     def joined(self, more: _Parts) -> _Parts:
         """Return these and others behind them."""
-        columns = map(np.concatenate, zip(self[:-2], more[:-2], strict=True))
-        offsets = np.concatenate((self.offsets, more.offsets[1:] + self.offsets[-1]))
-        return _Parts._make((*columns, offsets, np.concatenate((self.numbers, more.numbers))))
+        cells = np.concatenate((self._cells, more._cells), axis=1)
+        return _Parts(cells, np.concatenate((self.lines, more.lines)), self._frames.joined(more._frames))
 
     def take(self, rows: Array) -> _Parts:
         """Return some of them."""
-        offsets, places = picked(self.offsets, rows)
-        return _Parts._make((*(column[rows] for column in self[:-2]), offsets, self.numbers[places]))
+        return _Parts(self._cells.take(rows, axis=1), self.lines[rows], self._frames.take(rows))
 
     @property
     def first(self) -> Array:
         """The number of the first frame of each."""
-        return self.numbers[self.offsets[:-1]]
+        return self._frames.cells[self._frames.offsets[:-1]]
 
     def frames(self, k: int) -> tuple[int, ...]:
         """Return the numbers of the frames of one."""
-        return tuple(self.numbers[self.offsets.item(k) : self.offsets.item(k + 1)].tolist())
+        return tuple(self._frames.one(k))
 
     def evidence(self, view: View, k: int) -> tuple[str, ...]:
         """Return one as candump writes it."""
@@ -99,9 +96,12 @@ class _Parts(NamedTuple):
     def keep_lines(self, view: View) -> None:
         """Keep the lines of those of this batch."""
         rows = np.flatnonzero(self.lines == None)  # noqa: E711 - of each one
-        begin = self.offsets[rows]
-        ends, places = placed(begin, np.minimum(self.offsets[rows + 1] - begin, MOST_LINES))
-        every = view.each_line(self.numbers[places]).tolist()
+        if not len(rows):
+            return
+        offsets, numbers = self._frames
+        begin = offsets[rows]
+        ends, places = placed(begin, np.minimum(offsets[rows + 1] - begin, MOST_LINES))
+        every = view.each_line(numbers[places]).tolist()
         for k, low, high in zip(rows.tolist(), ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             self.lines[k] = tuple(filter(None, every[low:high]))
 
@@ -120,6 +120,7 @@ class Services(Rule):
         self._calls = Calls(ANSWER, SLOW, OPEN, LATE, MOST, MOST_LINKS)
         self._kept = _Parts.none()  # what may still be told
         self._nodes = HeardNodes(_GONE)
+        self._heard = np.zeros(_NODES << 8, bool)  # by bus and node
         self._now = NO_TIME
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -138,8 +139,8 @@ class Services(Rule):
         small = (column.astype(np.uint8) for column in (new.transfer_id, new.priority, asks, _WHOLE[t.status[rows]]))
         given = link, new.first, new.t, new.t_end, now[rows], *small, rows
         parts, self._now = self._kept.joined(new), int(now[-1])
-        heard = _first_heard(t.bus.astype(np.int64) * _NODES + t.src)
-        found = self._calls.feed(given, heard, len(self._kept.t), self._now, view.end)
+        heard = self._first_heard(t.bus.astype(np.int64) * _NODES + t.src)
+        found = self._calls.feed(given, heard, len(self._kept), self._now, view.end)
         yield from self._told(view, parts, found)
         self._kept = parts.take(cells(self._calls.living(), np.int64))
         self._kept.keep_lines(view)
@@ -152,18 +153,28 @@ class Services(Rule):
         """Note links with frames that look like a response, whether or not that is out yet."""
         frames = view.frames
         rows = np.flatnonzero((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0))
-        self._calls.hold(
-            np.array(distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK), np.int64)
-        )
+        if len(rows):
+            links = distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK)
+            self._calls.hold(np.array(links, np.int64))
+
+    def _first_heard(self, who: Array) -> tuple[Array, Array]:
+        """Return the first row of each node that was not heard before, in order, and the node."""
+        new = np.flatnonzero(~self._heard[who])
+        order, begins = by_key(who[new])
+        rows = np.sort(new[order[begins]])
+        self._heard[who[rows]] = True
+        return rows, who[rows]
 
     def _told(self, view: View, parts: _Parts, found: tuple[Cells, Cells, Cells]) -> Iterator[Occurrences | Occurrence]:
         """Yield what the core says of transfers."""
         kind, part, other = (cells(column, np.int64) for column in found)
+        if not len(kind):
+            return
         single = kind != _MISSED
         for what, k, beside in zip(*(column[single].tolist() for column in (kind, part, other)), strict=True):
             transfer_id, priority = parts.transfer_id.item(k), parts.priority.item(k)
             if what == _STRAY:
-                yield from _stray(view, parts, k)
+                yield from _stray(view, parts, k, transfer_id)
             elif what == _SLOW:
                 seconds = (parts.t_end.item(k) - parts.t_end.item(beside)) / SECOND
                 yield _about(view, "TRF-023", parts, k, {"seconds": seconds}, beside)
@@ -196,30 +207,25 @@ class Services(Rule):
         )  # fmt: skip
 
 
-def _first_heard(who: Array) -> tuple[Array, Array]:
-    """Return the first row of each node in order, and the node."""
-    order, begins = by_key(who)
-    rows = np.sort(order[begins])
-    return rows, who[rows]
-
-
-def _stray(view: View, parts: _Parts, k: int) -> Iterator[Occurrence]:
+def _stray(view: View, parts: _Parts, k: int, transfer_id: int) -> Iterator[Occurrence]:
     """Yield a response without a request, unless that was before a window began."""
     t = parts.t.item(k)
     begun = NO_TIME if t == NO_TIME else max(view.starts[parts.bus.item(k)], view.resumed(t))
     early = t == NO_TIME or t - begun < OPEN
     if early and view.cut_in:
         return
-    values = {"transfer_id": parts.transfer_id.item(k), "dst": parts.dst.item(k)}
-    stray = _about(view, "TRF-021", parts, k, values)
-    yield replace(stray, severity="note" if early else None, drops=True, since=t - OPEN)
+    values = {"transfer_id": transfer_id, "dst": parts.dst.item(k)}
+    severity: Severity | None = "note" if early else None
+    yield _about(view, "TRF-021", parts, k, values, severity=severity, drops=True, since=t - OPEN)
 
 
-def _about(view: View, rule: str, parts: _Parts, k: int, values: Values, other: int | None = None) -> Occurrence:
+def _about(
+    view: View, rule: str, parts: _Parts, k: int, values: Values, other: int | None = None, **more: Any
+) -> Occurrence:
     """Return one breach, with the transfer it is compared with behind it."""
     frames, lines = parts.frames(k), parts.evidence(view, k)
     if other is not None:
         frames, lines = (*frames, *parts.frames(other)), (*lines, *parts.evidence(view, other))
     type_ = view.type_name(parts.code.item(k))
     who = parts.t.item(k), parts.bus.item(k), parts.src.item(k) or None
-    return Occurrence(rule, *who, type_, frames, values, lines=lines)
+    return Occurrence(rule, *who, type_, frames, values, lines=lines, **more)

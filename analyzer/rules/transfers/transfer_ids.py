@@ -16,7 +16,7 @@ from analyzer._native import IdNodes
 from analyzer.decode.sent import cells
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.causes import shown_causes
-from analyzer.rules.counters.id_steps import MESSAGE, id_steps, odd_rows
+from analyzer.rules.counters.id_steps import MESSAGE, odd_cells, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
 from analyzer.rules.counters.told_steps import ToldSteps
 from dissectors.kit import Rule
@@ -43,17 +43,14 @@ class TransferIds(Rule):
         """Yield breaches that are explained, or that nothing explains."""
         self._orphans.feed(view)
         t = view.transfers
-        steps = id_steps(view, odd_rows(t), self._orphans)
-        sharing = cells(self._nodes.sharing, np.uint16)
-        messages = _messages(t, np.concatenate((steps.sender, sharing)))
-        indexes, lists = [], (np.empty(0, np.int64), np.empty(0, np.uint64))
-        if len(messages[0]) or len(steps.sender):
-            lists = t.frame_lists
-        if len(steps.sender):
-            indexes = [*view.indexes(0, _NEVER)]
-        given = tuple(steps), messages, _uptimes(view)
-        known = view.start, view.gap_ends, int(view.number("BUS-010", "min_transfers")), view.end
-        causes, told = self._nodes.feed(indexes, given, lists, known)
+        odd = odd_rows(t)
+        messages = _messages(t, np.concatenate((_senders(t, odd), cells(self._nodes.sharing, np.uint16))))
+        lists = t.frame_lists if len(odd) or len(messages[0]) else (np.empty(0, np.int64), np.empty(0, np.uint64))
+        indexes = [*view.indexes(0, _NEVER)] if len(odd) else []
+        given = odd_cells(view, odd), messages, _uptimes(view)
+        least = int(view.number("BUS-010", "min_transfers"))
+        known = view.start, view.gap_ends, least, view.end, view.starts, view.types.starts
+        causes, told = self._nodes.feed(self._orphans.index, indexes, given, lists, known)
         yield from shown_causes(view, causes)
         yield from ToldSteps.of(told).occurrences()
 

@@ -4,34 +4,50 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from functools import partial
-from itertools import compress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from analyzer.rules.diagnosis import checksums
-from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget, alike
-from analyzer.rules.diagnosis.causes import GONE, NOTED, NOTHING, OTHER_ID_FORM, SHORT, Cause
+from analyzer.rules.diagnosis.budgets import MOST_SENDERS, KnownCauses, SearchBudget
+from analyzer.rules.diagnosis.causes import GONE, NOTHING, OTHER_ID_FORM, SHORT, Cause
 from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.formulas import Formulas
 from analyzer.rules.diagnosis.search import CHECKSUM as WRONG_CRC
 from analyzer.rules.diagnosis.search import ELSEWHERE, LENGTHS, PROVEN, ask
-from analyzer.rules.transfers.broken_rows import TURNED_BIT, Said, ToldTransfers
-from analyzer.rules.transfers.incomplete import occurrence, turned_bit
+from analyzer.rules.transfers.incomplete import CHECKSUM, occurrence, turned_bit
+from analyzer.rules.transfers.told_transfers import Said, ToldTransfers
 from dissectors.kit.definitions import crc_start
 from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from analyzer.rules.transfers.broken_rows import Rows
+    from analyzer.rules.diagnosis.search import FrameSearch
+    from analyzer.rules.transfers.broken_rows import BrokenTransfers
     from analyzer.rules.transfers.incomplete import Incomplete, Source
     from dissectors.kit import Array, Occurrence, Occurrences, View
 
 _DAMAGES = 2  # after so many of a sender two have to agree on any mistake
 
 
-_TURNED = Said(TURNED_BIT, drops=True)
+class _Senders(NamedTuple):
+    """Senders and types of some transfers: a number, and the place among `sources` of each."""
+
+    number: Array
+    which: Array
+    sources: Sequence[Source]
+
+    @classmethod
+    def of(cls, broken: BrokenTransfers, rows: Array) -> Self:
+        """Return those of rows."""
+        number = broken.senders(rows)
+        _, first, which = np.unique(number, return_index=True, return_inverse=True)
+        return cls(number, which, broken.sources(rows[first]))
+
+    def take(self, which: Array | slice) -> Self:
+        """Return those of some of them."""
+        return self._replace(number=self.number[which], which=self.which[which])
 
 
 class _Answer(NamedTuple):
@@ -45,121 +61,145 @@ class _Answer(NamedTuple):
     evidence: Callable[[], Sequence[int]]
 
 
-def _answers(view: View, rows: Rows) -> Iterator[_Answer]:
-    """Yield what the core finds of each."""
-    found = ask(view, WRONG_CRC, rows.lists())
-    columns = found.form, found.flags, found.value, rows.starts()
-    each = zip(*(column.tolist() for column in columns), strict=True)
-    for k, (form, flags, shared, start) in enumerate(each):
-        yield _Answer(form, flags, shared, start, partial(found.cause, k), partial(found.evidence, k))
-
-
 class WrongCrcs:
     """Tells what each sender's wrong CRCs come from."""
 
     def __init__(self) -> None:
         self._budget = SearchBudget()
         self._causes = KnownCauses()
-        self._told = ToldTransfers()
         self._ways: dict[Source, Formula] = {}
         self._formulas = Formulas()
         self._damages: dict[Source, int] = {}  # wrong CRCs of a sender that no mistake explains
         self._mistaken: set[Source] = set()
 
-    def explained(self, view: View, rows: Rows) -> Iterator[Occurrences | Occurrence]:
-        """Yield transfers whose surroundings are known with their causes: those that are searched, then the others."""
-        yield from self._explained(view, rows)
-        yield from self._told.occurrences(view)
+    def explained(self, view: View, broken: BrokenTransfers, rows: Array) -> Iterator[Occurrences | Occurrence]:
+        """Yield some transfers whose surroundings are known with their causes, those of each batch for themselves."""
+        if not len(rows):
+            return
+        told = ToldTransfers(broken)
+        yield from self._explained(view, told, rows)
+        yield from told.occurrences(view)
 
     def finish(self) -> Iterator[Occurrence]:
         """Yield what waits for one more of its sender."""
         yield from self._formulas.finish()
 
-    def _explained(self, view: View, rows: Rows) -> Iterator[Occurrence]:
-        may = self._budget.allows(rows.senders)
-        searched = may | ~self._plain(view, rows)
-        yield from self._one_by_one(view, rows.take(searched), may[searched])
-        rows = rows.take(~searched)
+    def _explained(self, view: View, told: ToldTransfers, rows: Array) -> Iterator[Occurrence]:
+        """Tell of those that are searched, then of the others."""
+        senders = _Senders.of(told.broken, rows)
+        may = self._budget.allows(senders.number)
+        searched = may | ~self._plain(view, senders)
+        yield from self._searched(view, told, rows[searched], senders.take(searched), may[searched])
+        if searched.all():
+            return
+        rows, senders = rows[~searched], senders.take(~searched)
         # Those that were searched may have shown a mistake of their sender.
-        plain = self._plain(view, rows)
-        yield from self._one_by_one(view, rows.take(~plain), np.zeros(len(plain), bool))
-        yield from self._like_others(rows.take(plain))
+        plain = self._plain(view, senders)
+        may = np.zeros(np.count_nonzero(~plain), bool)
+        yield from self._searched(view, told, rows[~plain], senders.take(~plain), may)
+        yield from self._like_others(told, rows[plain], senders.take(plain))
 
-    def _plain(self, view: View, rows: Rows) -> Array:
+    def _plain(self, view: View, senders: _Senders) -> Array:
         """Return a mask of those of senders of whom no mistake is known that needs no search."""
-        _, first, kind = np.unique(rows.senders, return_index=True, return_inverse=True)
-        plain = [not self._may_be_known(view, source) for source in rows.take(first).sources()]
-        found: Array = np.array(plain, bool)[kind]
+        plain = [not self._may_be_known(view, source) for source in senders.sources]
+        found: Array = np.array(plain, bool)[senders.which]
         return found
 
-    def _one_by_one(self, view: View, rows: Rows, may: Array) -> Iterator[Occurrence]:
+    def _searched(
+        self, view: View, told: ToldTransfers, rows: Array, senders: _Senders, may: Array
+    ) -> Iterator[Occurrence]:
         """Tell of some, of which those that `may` be searched are for certain."""
-        if not len(rows.row):
+        if not len(rows):
             return
-        answers = _answers(view, rows.take(may))
-        each = zip(rows.senders.tolist(), rows.sources(), may.tolist(), strict=True)
-        for k, (sender, source, allowed) in enumerate(each):
-            answer = next(answers) if allowed else None
-            if self._is_known(view, rows, k, source):
+        broken, some, left = told.broken, np.flatnonzero(may), np.ones(len(rows), bool)
+        found, starts = ask(view, WRONG_CRC, broken.lists(rows[some])), broken.starts(rows)
+        if len(some):
+            calm = self._calm(view, broken, rows[some], senders.take(some), (found.value >= 0, starts[some]))
+            left[some[calm]] = False
+            yield from self._tell_calm(told, rows[some[calm]], senders.take(some[calm]), (found, calm))
+        places = np.cumsum(may) - 1
+        for k in np.flatnonzero(left).tolist():
+            row, source, sender = rows.item(k), senders.sources[senders.which[k]], senders.number.item(k)
+            if self._is_known(view, told, row, source):
                 continue
-            if self._budget.left(sender):
-                self._budget.spend(sender)
-                # Those that were known have left some of the budget.
-                answer = answer or next(_answers(view, rows.take(slice(k, k + 1))))
-                yield from self._checksum(view, rows, k, answer)
-            else:
-                yield from self._like_others(rows.take(slice(k, k + 1)))
+            if not self._budget.left(sender):
+                yield from self._like_others(told, rows[k : k + 1], senders.take(slice(k, k + 1)))
+                continue
+            self._budget.spend(sender)
+            # Those that were known have left some of the budget.
+            own, at = (found, places.item(k)) if may[k] else (ask(view, WRONG_CRC, broken.lists(rows[k : k + 1])), 0)
+            yield from self._checksum(view, told, row, _answer(own, at, starts.item(k)))
 
-    def _like_others(self, rows: Rows) -> Iterator[Occurrence]:
+    def _calm(
+        self, view: View, broken: BrokenTransfers, rows: Array, senders: _Senders, known: tuple[Array, Array]
+    ) -> Array:
+        """Return those of senders that make no mistake as far as these show: nothing but its answer tells of each.
+
+        `known` says which share the value that their CRC starts from with others nearby, and these values.
+        """
+        shared, starts = known
+        odd = broken.may_be_mistaken(view.types, rows) | shared
+        odd |= np.array([bool(view.types.starting_from(start)) for start in starts.tolist()], bool)
+        strange = [self._may_be_known(view, source) or self._formulas.holds(source) for source in senders.sources]
+        strange_too = np.bincount(senders.which[odd], minlength=len(strange)) != 0
+        return np.flatnonzero(~(np.array(strange, bool) | strange_too)[senders.which])
+
+    def _tell_calm(
+        self, told: ToldTransfers, rows: Array, senders: _Senders, answers: tuple[FrameSearch, Array]
+    ) -> Iterator[Occurrence]:
+        """Tell of those with their answers: which ones of a search."""
+        found, which = answers
+        allowed = self._budget.take(senders.number)
+        if not allowed.all():  # too many senders
+            yield from self._like_others(told, rows[~allowed], senders.take(~allowed))
+            rows, senders, which = rows[allowed], senders.take(allowed), which[allowed]
+        for at, count in enumerate(np.bincount(senders.which).tolist()):
+            self._count(senders.sources[at], count)
+        kinds = told.add_answers(rows, found, which)
+        here = found.form[which] != GONE
+        self._causes.note_all(senders.number[here], told.broken.shapes(rows[here]), kinds[here])
+
+    def _like_others(self, told: ToldTransfers, rows: Array, senders: _Senders) -> Iterator[Occurrence]:
         """Tell of some that are searched no more what was found of others."""
-        if not len(rows.row):
+        if not len(rows):
             return
-        _, first, counts = np.unique(rows.senders, return_index=True, return_counts=True)
-        sources = rows.take(first).sources()
-        for source, count in zip(sources, counts.tolist(), strict=True):
-            yield from self._damage(source, count)
-        turned = rows.turned()
-        self._told.add_all(rows.take(turned), [_TURNED] * np.count_nonzero(turned))
-        rows = rows.take(~turned)
-        whats = [self._causes.whats[k] for k in self._causes.like_all(rows.senders, rows.shapes).tolist()]
-        likes = {what: Said(alike(what), noted=what in NOTED, drops=True) for what in set(whats)}
-        for noted in (False, True):
-            some = np.array([bool(what) and likes[what].noted == noted for what in whats], bool)
-            self._told.add_all(rows.take(some), [likes[what] for what in compress(whats, some.tolist())])
+        for at, count in enumerate(np.bincount(senders.which).tolist()):
+            if count:
+                yield from self._damage(senders.sources[at], count)
+        turned = told.broken.turned(rows)
+        told.add_turned(rows[turned])
+        rows = rows[~turned]
+        told.add_alike(rows, self._causes.like_all(senders.number[~turned], told.broken.shapes(rows)))
 
     def _may_be_known(self, view: View, source: Source) -> bool:
         """Return whether a mistake of a sender is known that needs no search."""
         return source in self._ways or source in self._mistaken or bool(view.types.undefined(source[-1]))
 
-    def _is_known(self, view: View, rows: Rows, k: int, source: Source) -> bool:
+    def _is_known(self, view: View, told: ToldTransfers, row: int, source: Source) -> bool:
         """Tell of a wrong CRC if a mistake gives it that needs no search; return whether one does."""
         if not self._may_be_known(view, source):
             return False
         undefined = view.types.undefined(source[-1])
-        wire, payload = rows.crc_and_payload(k)
+        wire, payload = told.broken.wire.item(row), told.broken.payload(row)
         name = next((name for sign, name in undefined.items() if crc_hqx(payload, crc_start(sign)) == wire), "")
         if name:
-            self._told.add(rows, k, Said(Cause(f"the CRC of {name}")))
-            self._told.add(rows, k, Said(Cause(name), "CAN-020"))
+            told.add(row, Said(Cause(f"the CRC of {name}")))
+            told.add(row, Said(Cause(name), "CAN-020"))
             return True
         way = self._ways.get(source)
         cause = Cause(way.name) if way is not None and way.gives(wire, payload) else None
         if cause is None and source in self._mistaken:
-            cause = self._common(view, rows.one(k))
+            cause = self._common(view, told.broken.one(CHECKSUM, row))
         if cause is not None:
-            self._tell(rows, k, _both(cause))
+            _tell(told, row, _both(cause))
         return cause is not None
 
-    def _tell(self, rows: Rows, k: int, said: Iterable[Said]) -> None:
-        for one in said:
-            self._told.add(rows, k, one)
-
-    def _checksum(self, view: View, rows: Rows, k: int, answer: _Answer) -> Iterator[Occurrence]:
+    def _checksum(self, view: View, told: ToldTransfers, row: int, answer: _Answer) -> Iterator[Occurrence]:
         """Tell of one that is searched; yield what is said of one that waited for it."""
-        one = rows.one(k)
+        one = told.broken.one(CHECKSUM, row)
         mistake = self._common(view, one) if self._damages.get(one.source, 0) < _DAMAGES else None
         if mistake is not None:
-            self._tell(rows, k, _both(mistake))
+            _tell(told, row, _both(mistake))
             return
         fits = self._formulas.of(view, one, answer.start)
         proved = self._formulas.proved(one, fits)
@@ -170,12 +210,15 @@ class WrongCrcs:
         yield from self._damage(one.source)
         said = self._damaged(view, one, answer, alone=bool(fits))
         if not fits or not self._formulas.hold(view, one, fits, [_occurrence(view, one, each) for each in said]):
-            self._tell(rows, k, said)
+            _tell(told, row, said)
 
     def _damage(self, source: Source, count: int = 1) -> Iterator[Occurrence]:
         """Note wrong CRCs that no mistake explains; yield what is said of the one before them that fits one."""
         yield from self._formulas.release(source)
-        if source in self._damages or len(self._damages) < MOST_SENDERS:
+        self._count(source, count)
+
+    def _count(self, source: Source, count: int) -> None:
+        if count and (source in self._damages or len(self._damages) < MOST_SENDERS):
             self._damages[source] = min(self._damages.get(source, 0) + count, _DAMAGES)
 
     def _damaged(self, view: View, one: Incomplete, answer: _Answer, *, alone: bool) -> list[Said]:
@@ -225,13 +268,23 @@ class WrongCrcs:
             self._ways.setdefault(one.source, way)
 
 
+def _answer(found: FrameSearch, k: int, start: int) -> _Answer:
+    form, flags, shared = (column.item(k) for column in (found.form, found.flags, found.value))
+    return _Answer(form, flags, shared, start, partial(found.cause, k), partial(found.evidence, k))
+
+
+def _tell(told: ToldTransfers, row: int, said: Iterable[Said]) -> None:
+    for one in said:
+        told.add(row, one)
+
+
 def _both(cause: Cause) -> list[Said]:
     """Return that a mistake of the sender gives the CRC."""
     return [Said(cause), Said(cause, "TRF-011")]
 
 
 def _occurrence(view: View, one: Incomplete, said: Said) -> Occurrence:
-    found = occurrence(view, one._replace(rule=said.rule or one.rule), said.cause, said.further)
+    found = occurrence(view, one._replace(rule=said.rule), said.cause, said.further)
     return replace(found, severity="note" if said.noted else None, drops=said.drops)
 
 

@@ -112,7 +112,9 @@ impl Index {
     /// The data frames of a session from a number on.
     pub fn since(&self, key: u32, number: u64) -> impl Iterator<Item = Part<'_>> {
         let rows = self.between(key, &(number..u64::MAX)).iter().map(|&row| row as usize);
-        rows.filter(|&row| self.is_plain(row)).filter_map(|row| self.part(row))
+        let (columns, first) = (self.held.columns(), self.first);
+        rows.filter(move |&row| columns.is_plain(row))
+            .filter_map(move |row| columns.part(first, row))
     }
 
     /// Rows of a session with numbers in a range, whatever they are.
@@ -126,39 +128,41 @@ impl Index {
     /// Frames of a session with numbers in a range that have a tail byte, whatever they are.
     pub fn parts(&self, key: u32, range: &Range<u64>) -> impl DoubleEndedIterator<Item = Part<'_>> {
         let rows = self.between(key, range).iter();
-        rows.filter_map(|&row| self.part(row as usize))
-    }
-
-    fn whole(&self, row: usize) -> Whole<'_> {
-        let columns = self.held.columns();
-        Whole {
-            t: columns.t[row],
-            bus: columns.bus[row],
-            id: columns.id[row],
-            flags: columns.flags[row],
-            data: &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize],
-        }
-    }
-
-    /// The frame in a row, None without a tail byte.
-    fn part(&self, row: usize) -> Option<Part<'_>> {
-        let columns = self.held.columns();
-        let (&tail, body) = self.whole(row).data.split_last()?;
-        Some(Part {
-            number: self.first + row as u64,
-            tail,
-            body,
-            t: columns.t[row],
-        })
+        let (columns, first) = (self.held.columns(), self.first);
+        rows.filter_map(move |&row| columns.part(first, row as usize))
     }
 
     fn key(&self, row: usize) -> u32 {
         let columns = self.held.columns();
         key(columns.bus[row], columns.id[row])
     }
+}
+
+impl<'a> Columns<'a> {
+    fn whole(&self, row: usize) -> Whole<'a> {
+        Whole {
+            t: self.t[row],
+            bus: self.bus[row],
+            id: self.id[row],
+            flags: self.flags[row],
+            data: &self.data[self.offsets[row] as usize..self.offsets[row + 1] as usize],
+        }
+    }
+
+    /// The frame in a row of a batch whose first one has the number `first`, None without a tail byte.
+    fn part(&self, first: u64, row: usize) -> Option<Part<'a>> {
+        let whole = self.whole(row);
+        let (&tail, body) = whole.data.split_last()?;
+        Some(Part {
+            number: first + row as u64,
+            tail,
+            body,
+            t: whole.t,
+        })
+    }
 
     fn is_plain(&self, row: usize) -> bool {
-        self.held.columns().flags[row] & KINDS == EXTENDED
+        self.flags[row] & KINDS == EXTENDED
     }
 }
 
@@ -220,12 +224,13 @@ impl<'a> Frames<'a> {
 
     /// A frame with a tail byte, and the key of its session.
     pub fn part(&self, number: u64) -> Option<Part<'a>> {
-        self.find(number).and_then(|(index, row)| index.part(row))
+        self.find(number)
+            .and_then(|(index, row)| index.held.columns().part(index.first, row))
     }
 
     /// A frame, whatever it is.
     pub fn whole(&self, number: u64) -> Option<Whole<'a>> {
-        self.find(number).map(|(index, row)| index.whole(row))
+        self.find(number).map(|(index, row)| index.held.columns().whole(row))
     }
 
     /// A frame as a line of candump has it; None for one that is not there.
@@ -238,11 +243,9 @@ impl<'a> Frames<'a> {
         let within = |index: &&&Index| index.range().start < range.end && range.start < index.range().end;
         let batches = self.0.iter().rev().filter(within);
         batches.flat_map(move |index| {
-            index
-                .between(key, range)
-                .iter()
-                .rev()
-                .map(|&row| index.whole(row as usize))
+            let columns = index.held.columns();
+            let rows = index.between(key, range).iter().rev();
+            rows.map(move |&row| columns.whole(row as usize))
         })
     }
 
@@ -273,8 +276,12 @@ impl<'a> Frames<'a> {
             } else {
                 &rows[..count]
             };
-            let plain = some.iter().map(|&row| row as usize).filter(|&row| index.is_plain(row));
-            found.extend(plain.filter_map(|row| index.part(row)));
+            let columns = index.held.columns();
+            let plain = some
+                .iter()
+                .map(|&row| row as usize)
+                .filter(|&row| columns.is_plain(row));
+            found.extend(plain.filter_map(|row| columns.part(index.first, row)));
             left > 0
         };
         let batches = self.0.iter().filter(within);

@@ -11,7 +11,7 @@ pub const LATE: i64 = 5 * SECOND;
 /// Steps held back, or to 0, among which others of the same session are looked for.
 pub const NEAR: usize = 64;
 /// Bit of a session that is one of requests.
-const SERVICE: i64 = 0x80;
+pub const SERVICE: i64 = 0x80;
 
 /// The breach that it is, as far as nothing explains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +21,6 @@ pub enum Rule {
     Copied,
     Repeated,
     Restarted,
-}
-
-impl Rule {
-    pub fn of(number: u8) -> Option<Self> {
-        let rules = [Rule::Gap, Rule::Copied, Rule::Repeated, Rule::Restarted];
-        rules.get(usize::from(number)).copied()
-    }
 }
 
 /// One step, in nanoseconds.

@@ -6,7 +6,6 @@ use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
 use crate::diagnosis::index::{key, Columns, Frames, Hold, Index};
-use crate::diagnosis::misnumbered::{meant, meant_before};
 use crate::diagnosis::questions::{ask, Found, Question};
 use crate::diagnosis::Known;
 
@@ -97,6 +96,30 @@ impl FrameIndex {
         let parts = self.0.parts(key(bus, session), &(low..high));
         let others = parts.filter(|part| part.tail & 0x1F != id).take(most);
         others.map(|part| (part.number, part.tail)).collect()
+    }
+
+    /// The same of many: a range of numbers (first two columns), a bus, a session and a transfer ID each, i64. Where the
+    /// frames of each begin (one more than there are), i64, and their numbers, i64.
+    fn all_others<'py>(
+        &self,
+        py: Python<'py>,
+        given: [PyBuffer<i64>; 5],
+        most: usize,
+    ) -> PyResult<(Column<'py>, Column<'py>)> {
+        let [low, high, bus, session, id] = given.map(|column| column.to_vec(py));
+        let (low, high, bus, session, id) = (low?, high?, bus?, session?, id?);
+        if [high.len(), bus.len(), session.len(), id.len()] != [low.len(); 4] {
+            return Err(PyValueError::new_err("columns that do not fit together"));
+        }
+        let (mut begins, mut numbers) = (vec![0_i64], vec![]);
+        for k in 0..low.len() {
+            let range = low[k] as u64..high[k] as u64;
+            let parts = self.0.parts(key(bus[k] as u8, session[k] as u32), &range);
+            let others = parts.filter(|part| i64::from(part.tail & 0x1F) != id[k]).take(most);
+            numbers.extend(others.map(|part| part.number as i64));
+            begins.push(numbers.len() as i64);
+        }
+        Ok((Cells::own(py, begins)?, Cells::own(py, numbers)?))
     }
 
     /// Of the last `most` frames of a session from `low` to before `high`: how many there are, and the numbers of those
@@ -210,56 +233,6 @@ pub fn tails_before<'py>(
     };
     let found = py.detach(|| numbers.into_iter().zip(sessions).map(tail).collect());
     Cells::own(py, found)
-}
-
-/// First frames of transfers: their numbers, their types, and whether the ID of that, or of the one before, is asked for.
-#[derive(FromPyObject)]
-pub struct Firsts {
-    #[pyo3(item(0))]
-    numbers: PyBuffer<u64>,
-    #[pyo3(item(1))]
-    types: PyBuffer<u32>,
-    #[pyo3(item(2))]
-    own: PyBuffer<u8>,
-    #[pyo3(item(3))]
-    before: PyBuffer<u8>,
-}
-
-/// The transfer IDs that were meant by first frames, and by those before them in their sessions: i8, -1 for what they say.
-///
-/// `types` are known start values of the CRC. An error if a type is not there, or columns do not fit together.
-#[pyfunction]
-#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-pub fn misnumbered<'py>(
-    py: Python<'py>,
-    batches: Vec<Bound<'py, FrameIndex>>,
-    types: Vec<Vec<u16>>,
-    asked: Firsts,
-) -> PyResult<(Column<'py>, Column<'py>)> {
-    let known = |starts| Known { starts, size: None };
-    let types: Vec<Known> = types.into_iter().map(known).collect();
-    let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
-    let (numbers, which) = (asked.numbers.to_vec(py)?, asked.types.to_vec(py)?);
-    let (own, before) = (asked.own.to_vec(py)?, asked.before.to_vec(py)?);
-    let same = [which.len(), own.len(), before.len()] == [numbers.len(); 3];
-    let frames = Frames(&batches);
-    let found: Option<Vec<(i8, i8)>> = py.detach(|| {
-        let rows = numbers.iter().zip(&which).zip(own.iter().zip(&before));
-        let answer = |((&number, &which), (&own, &before)): ((&u64, &u32), (&u8, &u8))| {
-            let known = types.get(which as usize)?;
-            let own = (own != 0).then(|| meant(frames, number, known)).flatten();
-            let before = (before != 0).then(|| meant_before(frames, number, known)).flatten();
-            let cell = |id: Option<u8>| id.map_or(-1, |id| id as i8);
-            Some((cell(own), cell(before)))
-        };
-        rows.map(answer).collect()
-    });
-    let found = found.filter(|_| same);
-    let (own, before): (Vec<i8>, Vec<i8>) = found
-        .ok_or_else(|| PyValueError::new_err("questions that do not fit together"))?
-        .into_iter()
-        .unzip();
-    Ok((Cells::own(py, own)?, Cells::own(py, before)?))
 }
 
 /// Where each list begins, and one more, i64; and all of their numbers, u64.

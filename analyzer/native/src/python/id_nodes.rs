@@ -1,6 +1,6 @@
 //! Nodes whose transfer-ID counters break, for Python: columns of a batch in, causes and columns of told steps out.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
@@ -8,12 +8,14 @@ use pyo3::prelude::*;
 
 use super::buffer::Cells;
 use super::diagnosis::FrameIndex;
+use super::odd_steps::{Given, OddRows};
+use super::orphans::OrphanIndex;
 use crate::diagnosis::counters::Gaps;
 use crate::diagnosis::index::{Frames, Index};
 use crate::id_nodes::around::Around;
 use crate::id_nodes::begun_anew::Stated;
 use crate::id_nodes::shared_counter::Message;
-use crate::id_nodes::step::{Explains, Rule, Step, Told};
+use crate::id_nodes::step::{Explains, Step, Told};
 use crate::id_nodes::{self, Events, Sender, Sent};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -24,23 +26,6 @@ const EARLY: u8 = 2;
 const ASTRAY: u8 = 4;
 const MOVED: u8 = 8;
 const NOTED: u8 = 16;
-
-/// Steps, in the order of their transfers: senders (bus and node), rules, marks, times, times of the transfers before, times
-/// since then, types, sessions, IDs, those before, and rows.
-#[derive(FromPyObject)]
-pub struct Steps(
-    PyBuffer<u16>,
-    PyBuffer<u8>,
-    PyBuffer<u8>,
-    PyBuffer<i64>,
-    PyBuffer<i64>,
-    PyBuffer<i64>,
-    PyBuffer<i64>,
-    PyBuffer<i64>,
-    PyBuffer<u8>,
-    PyBuffer<u8>,
-    PyBuffer<u32>,
-);
 
 /// Messages in their order: senders, rows, types, IDs, steps.
 #[derive(FromPyObject)]
@@ -55,9 +40,10 @@ pub struct Uptimes(PyBuffer<u16>, PyBuffer<u32>, PyBuffer<i64>, PyBuffer<i64>, P
 pub struct FrameLists(PyBuffer<i64>, PyBuffer<u64>);
 
 /// What all steps are judged by: since when frames have come without a gap, when each gap ended, how many transfers show a
-/// sender, the last time so far.
+/// sender, the last time so far, when each bus began, and a function that gives the values from which the CRC of a type may
+/// start.
 #[derive(FromPyObject)]
-pub struct Known(i64, PyBuffer<i64>, u32, i64);
+pub struct Known<'py>(i64, PyBuffer<i64>, u32, i64, HashMap<u8, i64>, Bound<'py, PyAny>);
 
 /// Bus, node, time, frames, the kind of the cause and its numbers.
 type Cause = (u8, u8, i64, Vec<u64>, u8, Vec<i64>);
@@ -107,18 +93,27 @@ impl IdNodes {
         Cells::own(py, self.0.sharing().map(number).collect())
     }
 
-    /// Takes a batch, with frames of the recent past.
+    /// Takes a batch, with frames of the recent past: those of sessions that belong to no transfer, and all. Messages are
+    /// taken of nodes with breaches and of those that are wanted, though there may be others.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn feed<'py>(
         &mut self,
         py: Python<'py>,
+        orphans: &OrphanIndex,
         batches: Vec<Bound<'py, FrameIndex>>,
-        given: (Steps, Messages, Uptimes),
+        given: (PyBuffer<i64>, Messages, Uptimes),
         lists: FrameLists,
-        known: Known,
+        known: Known<'py>,
     ) -> PyResult<Found<'py>> {
         let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
-        let (steps, messages, uptimes) = given;
+        let (odd, messages, uptimes) = given;
+        let judged = Given {
+            orphans: &orphans.0,
+            frames: Frames(&batches),
+            starts: known.4,
+            types: known.5,
+        };
+        let steps = OddRows::of(py, &odd)?.steps(&judged)?;
         let (begins, numbers) = (lists.0.to_vec(py)?, lists.1.to_vec(py)?);
         let frames_of = |row: u32| {
             let ends = begins.get(row as usize..).and_then(|ends| ends.first_chunk());
@@ -126,12 +121,18 @@ impl IdNodes {
             some.unwrap_or_default().to_vec()
         };
         let mut sent = BySender::default();
-        add_steps(py, &mut sent, &steps, &frames_of)?;
+        let mut wanted: HashSet<Sender> = self.0.sharing().collect();
+        for (bus, node, step) in steps {
+            let frames = frames_of(step.row).into_boxed_slice();
+            let sender = Sender { bus, node };
+            wanted.insert(sender);
+            sent.of(sender).steps.push(Step { frames, ..step });
+        }
         add_uptimes(py, &mut sent, &uptimes)?;
         for sender in self.0.sharing() {
             sent.of(sender);
         }
-        add_messages(py, &mut sent, &messages)?;
+        add_messages(py, &mut sent, &messages, &wanted)?;
         let ends = known.1.to_vec(py)?;
         let around = Around {
             frames: Frames(&batches),
@@ -165,49 +166,20 @@ fn number(sender: Sender) -> u16 {
     u16::from_be_bytes([sender.bus, sender.node])
 }
 
-fn unfit() -> PyErr {
+pub fn unfit() -> PyErr {
     PyValueError::new_err("columns that do not fit together")
 }
 
-fn add_steps(py: Python<'_>, sent: &mut BySender, given: &Steps, frames_of: &dyn Fn(u32) -> Vec<u64>) -> PyResult<()> {
-    let senders = given.0.to_vec(py)?;
-    let (rules, marks) = (given.1.to_vec(py)?, given.2.to_vec(py)?);
-    let (t, since, gap) = (given.3.to_vec(py)?, given.4.to_vec(py)?, given.5.to_vec(py)?);
-    let (code, place) = (given.6.to_vec(py)?, given.7.to_vec(py)?);
-    let (id, before, row) = (given.8.to_vec(py)?, given.9.to_vec(py)?, given.10.to_vec(py)?);
-    let sizes = [rules.len(), marks.len(), t.len(), since.len(), gap.len(), code.len()];
-    let others = [place.len(), id.len(), before.len(), row.len()];
-    if sizes != [senders.len(); 6] || others != [senders.len(); 4] {
-        return Err(unfit());
-    }
-    for (k, &from) in senders.iter().enumerate() {
-        sent.of(sender(from)).steps.push(Step {
-            rule: Rule::of(rules[k]).ok_or_else(unfit)?,
-            late: marks[k] & LATE != 0,
-            early: marks[k] & EARLY != 0,
-            astray: marks[k] & ASTRAY != 0,
-            t: t[k],
-            since: since[k],
-            gap: gap[k],
-            code: code[k],
-            place: place[k],
-            id: id[k],
-            before: before[k],
-            row: row[k],
-            frames: frames_of(row[k]).into_boxed_slice(),
-        });
-    }
-    Ok(())
-}
-
-fn add_messages(py: Python<'_>, sent: &mut BySender, given: &Messages) -> PyResult<()> {
+fn add_messages(py: Python<'_>, sent: &mut BySender, given: &Messages, wanted: &HashSet<Sender>) -> PyResult<()> {
     let (senders, row, code) = (given.0.to_vec(py)?, given.1.to_vec(py)?, given.2.to_vec(py)?);
     let (id, step) = (given.3.to_vec(py)?, given.4.to_vec(py)?);
     if [row.len(), code.len(), id.len(), step.len()] != [senders.len(); 4] {
         return Err(unfit());
     }
-    for (k, &from) in senders.iter().enumerate() {
-        sent.of(sender(from)).messages.push(Message {
+    let ours = (0..).zip(&senders).map(|(k, &from)| (k, sender(from)));
+    for (k, from) in ours.filter(|(_, from)| wanted.contains(from)) {
+        let k: usize = k;
+        sent.of(from).messages.push(Message {
             row: row[k],
             code: code[k],
             id: id[k],
