@@ -24,6 +24,7 @@ __all__ = [
     "Messages",
     "MotorSums",
     "MotorWatch",
+    "OccurrenceGroups",
     "OrphanIndex",
     "PacketRows",
     "Packets",
@@ -56,6 +57,7 @@ _Spec: TypeAlias = tuple[int, str, bytes | None, bytes, bytes, list[_Spec]]
 _Steps: TypeAlias = tuple[float, float, float]
 _Table: TypeAlias = list[tuple[int, Cells | None, Cells | None, Cells | None]]
 _Taken: TypeAlias = tuple[bytes, list[tuple[int, bytes, int]], tuple[int, int]]
+_Piece: TypeAlias = tuple[tuple[int, int], tuple[int, int], int, int]
 _IdCause: TypeAlias = tuple[int, int, int, list[int], int, list[int]]
 _IdTold: TypeAlias = tuple[
     tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells], tuple[Cells, Cells]
@@ -317,6 +319,15 @@ class Remainders:
     def add(self, session: Any, t: Any, tail: Any, size: Any) -> tuple[Cells, Cells, Cells]: ...
     def close(self) -> tuple[Cells, Cells]: ...
     def __deepcopy__(self, _memo: object, /) -> Remainders: ...
+
+@final
+class OccurrenceGroups:
+    def __new__(
+        cls, columns: Sequence[Any], key: Any, masks: Sequence[Any], apart: tuple[int, int]
+    ) -> OccurrenceGroups: ...
+    def groups(self) -> list[tuple[bool, bool, int, int, int, int, list[_Piece]]]: ...
+    def together(self, groups: list[int]) -> list[_Piece]: ...
+    def rows(self, begin: int, end: int) -> list[int]: ...
 
 @final
 class OrphanIndex:

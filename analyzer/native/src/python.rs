@@ -39,6 +39,7 @@ mod reader;
 mod receive;
 mod remainders;
 mod rows;
+mod runs;
 mod tables;
 mod template;
 mod write;
@@ -228,6 +229,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<calls::Calls>()?;
     m.add_class::<budgets::Causes>()?;
     m.add_class::<remainders::Remainders>()?;
+    m.add_class::<runs::OccurrenceGroups>()?;
     m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;

@@ -1,0 +1,60 @@
+"""The runs that findings are added up in: those of a rule, and those of a key."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import TYPE_CHECKING
+
+from analyzer.rules.found.runs import closeness
+
+if TYPE_CHECKING:
+    from analyzer.rules.catalogue import Page
+    from analyzer.rules.found.keys import FindingKey
+    from analyzer.rules.found.runs import OccurrenceRun
+
+
+class RuleRuns:
+    """The runs of a rule: how many there are, and what makes one of two.
+
+    `plain`: no part of them may be explained, or explains another one's.
+    """
+
+    __slots__ = ("close", "count", "page", "plain")
+
+    def __init__(self, page: Page, *, plain: bool) -> None:
+        self.page, self.plain = page, plain
+        self.close = closeness(page)
+        self.count = 0
+
+
+class KeyRuns:
+    """The runs of a key, in order of time; `changed` if something was added since somebody asked."""
+
+    __slots__ = ("changed", "key", "rule", "runs", "spot")
+
+    def __init__(self, key: FindingKey, rule: RuleRuns) -> None:
+        self.key, self.rule, self.spot = key, rule, key.spot
+        self.runs: list[OccurrenceRun] = []
+        self.changed = False
+
+    def before(self, place: tuple[int, int]) -> OccurrenceRun | None:
+        """Return the last run that began before a place."""
+        runs = self.runs
+        if not runs:
+            return None
+        at = len(runs) if runs[-1].first < place else bisect_left(runs, place, key=lambda one: one.first)
+        return runs[at - 1] if at else None
+
+
+class AlikeRuns:
+    """The runs of occurrences that are alike but for bus, node, type and key.
+
+    `shared` is the key of what comes when no more keys are kept apart, `known` has those that are, by what tells them
+    apart.
+    """
+
+    __slots__ = ("known", "shared")
+
+    def __init__(self, shared: FindingKey) -> None:
+        self.shared = shared
+        self.known: dict[tuple[int, int, int, str], KeyRuns] = {}
