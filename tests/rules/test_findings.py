@@ -94,6 +94,41 @@ def test_twenty_examples_are_kept_the_first_ones() -> None:
     assert found == ("channel=1", 30, 0, 29, list(range(20)))
 
 
+def test_values_are_asked_of_what_is_shown_alone_where_those_of_the_key_are_given() -> None:
+    asked: list[int] = []
+
+    def seen(first: int) -> Occurrences:
+        found = many([(first + k, first + k, 1) for k in range(15)])
+
+        def values(k: int) -> Any:
+            asked.append(first + k)
+            return found.values(k)
+
+        return replace(found, values=values, key_values=lambda _: {"channel": 1})
+
+    (run,) = brief(*(seen(first) for first in (0, 15, 30, 45)))
+    assert run == ("channel=1", 60, 0, 59, list(range(20)))
+    assert asked == list(range(20))
+
+
+def test_a_key_that_lasts_is_asked_of_its_first_occurrence_alone() -> None:
+    asked: list[int] = []
+
+    def seen(t: int, *, lasts: bool) -> Occurrences:
+        def key_values(k: int) -> Any:
+            asked.append(t)
+            return {"channel": [1, 2][k]}
+
+        return replace(many([(t, t, 1), (t, t + 1, 2)]), key_values=key_values, lasts=lasts)
+
+    assert brief(*(seen(t, lasts=True) for t in (0, 2, 4))) == brief(
+        *(many([(t, t, 1), (t, t + 1, 2)]) for t in (0, 2, 4))
+    )
+    assert asked == [0, 0]
+    brief(*(seen(t, lasts=False) for t in (0, 2)))
+    assert asked == [0, 0, 0, 0, 2, 2]
+
+
 def test_bounds_merge_and_never_forget(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "MOST_RUNS", 3)
     monkeypatch.setattr(findings, "MOST_GROUPS", 2)
@@ -225,7 +260,14 @@ def test_what_a_loss_may_explain_waits_for_it(end: int | None, given_back: int) 
     drops.hold(one(11.5, 2))
     ready = list(drops.ready(None if end is None else end * SECOND))
     assert len(ready) == given_back
-    assert [near for _, near in ready] == [[False]] * given_back
+    assert [near.tolist() for _, near in ready] == [[False]] * given_back
+
+
+def test_occurrences_without_a_row_are_not_given_back() -> None:
+    drops, whole = Drops(around=5 * SECOND, beside=SECOND // 2), many([(1, 1, 1)])
+    columns = {name: getattr(whole, name)[:0] for name in ("t", "bus", "node", "type", "frame")}
+    drops.hold(replace(whole, **columns, key=None))
+    assert list(drops.ready(None)) == []
 
 
 @pytest.mark.parametrize(
@@ -241,7 +283,7 @@ def test_a_loss_is_near_up_to_the_ends_of_all_times(t: int, until: int, near: bo
     drops = Drops(around=5 * SECOND, beside=SECOND // 2)
     drops.add(JointLosses(*(np.array([cell]) for cell in (0, 10 * SECOND, 10 * SECOND, 0, 1, 3, 0, 0))))
     drops.hold(replace(one(0, 1), t=t, until=until))
-    assert [found for _, found in drops.ready(None)] == [[near]]
+    assert [found.tolist() for _, found in drops.ready(None)] == [[near]]
 
 
 @pytest.mark.sampled(2)

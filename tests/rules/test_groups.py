@@ -58,11 +58,11 @@ def test_rows_are_grouped_as_if_one_by_one(apart: Any, rows: list[Any], keyed: b
 
     order = sorted(range(len(rows)), key=lambda k: (about(k), place(k)))
     expected = [(key[:5], pieces(rows, list(same), apart)) for key, same in groupby(order, key=about)]
-    made = groups.groups_of(found(rows, keyed=keyed), [row[6] for row in rows], apart)
+    made = groups.groups_of(found(rows, keyed=keyed), np.array([row[6] for row in rows]), apart)
     told = made.groups()
     assert [
         ((bus, node, number, noted, doubtful), [made.rows(*piece[2:]) for piece in some])
-        for noted, doubtful, bus, node, number, _, some in told
+        for noted, doubtful, (bus, node, number, _), _, some in told
     ] == expected
     for (*_, row, some), (_, mine) in zip(told, expected, strict=True):
         assert row == mine[0][0]

@@ -18,12 +18,12 @@ from dissectors.kit import Occurrence, Occurrences
 from dissectors.kit.occurrence import TURNED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from analyzer._native import OccurrenceGroups
     from analyzer.rules.catalogue import Page
     from analyzer.rules.found.groups import Piece
-    from dissectors.kit import Severity, View
+    from dissectors.kit import Array, Severity, View
 
 MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long past that are alike are put together
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
@@ -72,12 +72,12 @@ class Findings:
         self._total = 0  # runs of all rules
         self.changes = 0  # how often something was added
 
-    def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
-        """Add occurrences of one rule; `near_drops` marks those that lost frames may explain."""
+    def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Array | None = None) -> None:
+        """Add occurrences of one rule; `near_drops` is a mask of those that lost frames may explain."""
         if found.rule not in self._pages:
             return
         if isinstance(found, Occurrence):
-            self._add_one(found, view, bool(near_drops and near_drops[0]))
+            self._add_one(found, view, near_drops is not None and bool(near_drops[0]))
         elif len(found.t):
             self._add_many(found, view, near_drops)
 
@@ -105,17 +105,19 @@ class Findings:
             run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
         self._put(kept, run)
 
-    def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
+    def _add_many(self, found: Occurrences, view: View, near_drops: Array | None) -> None:
         rule = self._rules[found.rule]
-        apart = BY_PIECE if rule.page.explained else ALL_ONE if _is_crowded(rule) else BY_PAUSE
+        apart = BY_PIECE if rule.page.explained else ALL_ONE if rule.crowded else BY_PAUSE
         told = _Told(found, rule.page, view, groups_of(found, near_drops, apart))
+        lasts = found.lasts or not rule.page.key  # what keeps findings apart is the same number in every batch
         alike, further = dict[tuple[bool, bool], AlikeRuns](), dict[tuple[bool, bool], list[int]]()
         placed: list[tuple[KeyRuns, Piece]] = []
-        for at, (noted, doubtful, bus, node, number, row, pieces) in enumerate(told.groups.groups()):
+        for at, (noted, doubtful, about, row, pieces) in enumerate(told.groups.groups()):
             kind = noted, doubtful
             if kind not in alike:
                 alike[kind] = self._alike_of(found, noted, doubtful)
-            kept = self._kept_apart(told, alike[kind], (bus, node, number), row)
+            kept = alike[kind].known.get(about) if lasts else None
+            kept = kept or self._kept_apart(told, alike[kind], about, row)
             if kept is None:
                 further.setdefault(kind, []).append(at)
             else:
@@ -144,14 +146,16 @@ class Findings:
             run.examples = [told.example(row) for row in rows]
         self._put(kept, run)
 
-    def _kept_apart(self, told: _Told, alike: AlikeRuns, of: tuple[int, int, int], row: int) -> KeyRuns | None:
+    def _kept_apart(self, told: _Told, alike: AlikeRuns, about: tuple[int, int, int, int], row: int) -> KeyRuns | None:
         """Return the runs of a bus, a node, the number of a type, and the key of a row; None if there is no room."""
-        (bus, node, number), shared, page = of, alike.shared, told.page
-        full = len(self.runs) >= MOST_GROUPS
-        if full and page.key and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
+        (bus, node, number, _), found, shared = about, told.found, alike.shared
+        full, keyed = len(self.runs) >= MOST_GROUPS, told.page.key
+        if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
             return None
-        named = page.key_of(told.found.values(row)) if page.key else ""
-        known = bus, node, number, named
+        named = told.page.key_of((found.key_values or found.values)(row)) if keyed else ""
+        known: tuple[int, int, int, int | str] = (bus, node, number, named if keyed else 0)
+        if found.lasts:
+            known = about
         kept = alike.known.get(known)
         if kept is None:
             type_ = told.view.type_name(number)
@@ -179,7 +183,7 @@ class Findings:
         goes_on = is_full(run, first)
         if last > run.last:
             rule = kept.rule
-            goes_on = _is_crowded(rule) or (goes_on and rule.close(run, first))
+            goes_on = rule.crowded or (goes_on and rule.close(run, first))
             goes_on = goes_on and run is kept.runs[-1]  # else they may join the run behind it, too
             if goes_on:
                 run.last = last
@@ -194,7 +198,7 @@ class Findings:
         Of those that are `sparse`, runs beyond `KEPT` have one.
         """
         before = kept.before(run.first)
-        crowded = before is not None and _is_crowded(kept.rule)
+        crowded = before is not None and kept.rule.crowded
         if before is None or not (crowded or kept.rule.close(before, run.first)):
             run.most = 1 if sparse and self._total >= KEPT else MOST_EXAMPLES
             return run.most
@@ -225,7 +229,7 @@ class Findings:
     def _put(self, kept: KeyRuns, run: OccurrenceRun) -> None:
         runs, rule, key = kept.runs, kept.rule, kept.key
         before = len(runs)
-        if runs and _is_crowded(rule):
+        if runs and rule.crowded:
             absorb(runs, run)
         else:
             merge(runs, run, rule.close)
@@ -233,6 +237,7 @@ class Findings:
             others = (one for name in rule.page.explained for one in self.keys.get(RuleAt(name, key.bus, key.node), ()))
             runs[:] = joined(runs, [run for one in others for run in self.runs[one]])
         rule.count += len(runs) - before
+        rule.crowded = rule.plain and rule.count >= MOST_APART
         self._total += len(runs) - before
         self._mark(kept)
 
@@ -242,8 +247,3 @@ class Findings:
         if not kept.changed:
             kept.changed = True
             self._changed.append(kept)
-
-
-def _is_crowded(rule: RuleRuns) -> bool:
-    """Return whether an occurrence joins the run of its key before it, whatever the pause between."""
-    return rule.plain and rule.count >= MOST_APART

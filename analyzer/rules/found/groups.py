@@ -10,8 +10,6 @@ from analyzer._native import OccurrenceGroups
 from analyzer.rules.found.runs import PAUSE, PIECE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from dissectors.kit import Array, Occurrences
 
     Apart = tuple[int, int]
@@ -23,13 +21,13 @@ BY_PIECE: Apart = (PAUSE, PIECE)  # of what may be explained
 ALL_ONE: Apart = ((1 << 63) - 1, 0)
 
 
-def groups_of(found: Occurrences, near_drops: Sequence[bool] | None, apart: Apart) -> OccurrenceGroups:
+def groups_of(found: Occurrences, near_drops: Array | None, apart: Apart) -> OccurrenceGroups:
     """Return the rows by what keeps them apart, those of each group in order of place.
 
     They come in pieces, each of which belongs to one run, as `apart` says.
     """
     places = found.t, found.frame, found.bus, found.node, found.type
-    masks = [None if mask is None else np.asarray(mask, np.uint8) for mask in (near_drops, found.doubtful)]
+    masks = [None if mask is None else mask.astype(np.uint8) for mask in (near_drops, found.doubtful)]
     key = None if found.key is None else _numbers(found.key)
     return OccurrenceGroups([np.asarray(column, np.int64) for column in places], key, masks, apart)
 

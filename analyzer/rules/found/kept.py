@@ -16,15 +16,17 @@ if TYPE_CHECKING:
 class RuleRuns:
     """The runs of a rule: how many there are, and what makes one of two.
 
-    `plain`: no part of them may be explained, or explains another one's.
+    `plain`: no part of them may be explained, or explains another one's. `crowded`: there are so many that an
+    occurrence joins the run of its key before it, whatever the pause between.
     """
 
-    __slots__ = ("close", "count", "page", "plain")
+    __slots__ = ("close", "count", "crowded", "page", "plain")
 
     def __init__(self, page: Page, *, plain: bool) -> None:
         self.page, self.plain = page, plain
         self.close = closeness(page)
         self.count = 0
+        self.crowded = False
 
 
 class KeyRuns:
@@ -57,4 +59,4 @@ class AlikeRuns:
 
     def __init__(self, shared: FindingKey) -> None:
         self.shared = shared
-        self.known: dict[tuple[int, int, int, str], KeyRuns] = {}
+        self.known: dict[tuple[int, int, int, str | int], KeyRuns] = {}

@@ -9,8 +9,8 @@ use crate::runs::{About, Apart, Groups, Piece, Place};
 /// The places of the first and the last of some rows, and where these begin and end in the order.
 type Told = (Place, Place, usize, usize);
 
-/// What the rows of a group are all of: noted, doubtful, bus, node, type; its first row, its pieces.
-type Group = (bool, bool, i64, i64, i64, u32, Vec<Told>);
+/// What the rows of a group are all of: noted, doubtful; bus, node, type, key; its first row, its pieces.
+type Group = (bool, bool, (i64, i64, i64, i64), u32, Vec<Told>);
 
 /// Rows of occurrences of one rule by group.
 #[pyclass]
@@ -63,9 +63,9 @@ impl OccurrenceGroups {
                 type_,
                 noted,
                 doubtful,
-                ..
+                key,
             } = about;
-            (noted, doubtful, bus, node, type_, row, told(&pieces))
+            (noted, doubtful, (bus, node, type_, key), row, told(&pieces))
         };
         self.0.each().map(told).collect()
     }
