@@ -5,6 +5,7 @@ The result does not depend on the order in which occurrences come in, as long as
 
 from __future__ import annotations
 
+from bisect import insort
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -96,14 +97,17 @@ class Findings:
         )  # fmt: skip
         kept = self._apart(key) or self._kept_of(key._replace(bus=-1, node=-1, type="", key=FURTHER))
         place = (one.t, one.frames[0] if one.frames else -1)
-        if self._is_counted(kept, place, place, 1):
-            return
-        run = OccurrenceRun(place, place, 1)
-        if self._room(kept, run, sparse=False):
+        room = self._counted(kept, place, place, 1)
+        run = kept.runs[-1] if room else OccurrenceRun(place, place, 1)
+        new = room is None
+        if new:
+            room = self._room(kept, run, sparse=False)
+        if room:
             cause = str(one.values.get("cause", ""))
             lines = one.lines or view.lines(one.frames)
-            run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
-        self._put(kept, run)
+            insort(run.examples, Shown(*place, page.say(one.values), cause, tuple(one.frames), lines))
+        if new:
+            self._put(kept, run)
 
     def _add_many(self, found: Occurrences, view: View, near_drops: Array | None) -> None:
         rule = self._rules[found.rule]
@@ -133,7 +137,10 @@ class Findings:
     def _add_rows(self, kept: KeyRuns, told: _Told, piece: Piece) -> None:
         """Add occurrences of one key that are in one run."""
         found, (first, last, begin, end) = told.found, piece
-        if not found.worst and self._is_counted(kept, first, last, end - begin):
+        room = None if found.worst else self._counted(kept, first, last, end - begin)
+        if room is not None:
+            for row in told.groups.rows(begin, min(begin + room, end)) if room else ():
+                insort(kept.runs[-1].examples, told.example(row))
             return
         run = OccurrenceRun(first, last, end - begin)
         if found.worst:
@@ -175,22 +182,26 @@ class Findings:
             alike = self._alike[kind] = AlikeRuns(FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects))
         return alike
 
-    def _is_counted(self, kept: KeyRuns, first: tuple[int, int], last: tuple[int, int], count: int) -> bool:
-        """Return whether occurrences go on with a run that has all its examples, and count them there then."""
-        run = kept.before(first)
+    def _counted(self, kept: KeyRuns, first: tuple[int, int], last: tuple[int, int], count: int) -> int | None:
+        """Count occurrences that go on with a run, and return how many examples of them the last run wants then.
+
+        None if they are a run of their own, or join one that has examples behind them.
+        """
+        run, rule = kept.before(first), kept.rule
         if run is None or run.episode is not None:
-            return False
+            return None
         goes_on = is_full(run, first)
         if last > run.last:
-            rule = kept.rule
+            goes_on = goes_on or (run.last < first and not (rule.page.explained and len(kept.runs) > MOST_PIECES))
             goes_on = rule.crowded or (goes_on and rule.close(run, first))
             goes_on = goes_on and run is kept.runs[-1]  # else they may join the run behind it, too
             if goes_on:
                 run.last = last
-        if goes_on:
-            run.count += count
-            self._mark(kept)
-        return goes_on
+        if not goes_on:
+            return None
+        run.count += count
+        self._mark(kept)
+        return 0 if rule.crowded else run.most - len(run.examples)
 
     def _room(self, kept: KeyRuns, run: OccurrenceRun, *, sparse: bool) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have.
