@@ -61,12 +61,12 @@ def test_rows_are_grouped_as_if_one_by_one(apart: Any, rows: list[Any], keyed: b
     made = groups.groups_of(found(rows, keyed=keyed), np.array([row[6] for row in rows]), apart)
     told = made.groups()
     assert [
-        ((bus, node, number, noted, doubtful), [made.rows(*piece[2:]) for piece in some])
-        for noted, doubtful, (bus, node, number, _), _, some in told
+        ((bus, node, number, *masks), [made.rows(*piece[2:]) for piece in made.pieces(at)])
+        for at, (masks, (bus, node, number, _), _) in enumerate(told)
     ] == expected
-    for (*_, row, some), (_, mine) in zip(told, expected, strict=True):
-        assert row == mine[0][0]
-        assert [piece[:2] for piece in some] == [(place(one[0]), place(one[-1])) for one in mine]
+    for at, (_, mine) in enumerate(expected):
+        assert told[at][2] == mine[0][0]
+        assert [piece[:2] for piece in made.pieces(at)] == [(place(one[0]), place(one[-1])) for one in mine]
     chosen = data.draw(st.lists(st.sampled_from(range(len(told))), unique=True))
     joined = sorted((k for at in chosen for one in expected[at][1] for k in one), key=place)
     assert [made.rows(*piece[2:]) for piece in made.together(chosen)] == pieces(rows, joined, apart)

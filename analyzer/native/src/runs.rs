@@ -71,10 +71,15 @@ impl Groups {
         }
     }
 
-    /// Each group with its first row, and its pieces.
-    pub fn each(&self) -> impl Iterator<Item = (About, u32, Vec<Piece>)> + '_ {
-        let told = |&(about, begin, end): &(About, usize, usize)| (about, self.order[begin], self.pieces(begin, end));
-        self.spans.iter().map(told)
+    /// What each group is about, and its first row.
+    pub fn each(&self) -> impl Iterator<Item = (About, u32)> + '_ {
+        self.spans.iter().map(|&(about, begin, _)| (about, self.order[begin]))
+    }
+
+    /// The pieces of a group; none if there is no such group.
+    pub fn pieces(&self, group: usize) -> Vec<Piece> {
+        let span = self.spans.get(group);
+        span.map_or_else(Vec::new, |&(_, begin, end)| self.cut(begin, end))
     }
 
     /// The pieces of some groups as if they were one; their rows stand in the order, too, from then on.
@@ -84,7 +89,7 @@ impl Groups {
             self.order.extend_from_within(first..end);
         }
         by_place(&self.place, &mut self.order[begin..]);
-        self.pieces(begin, self.order.len())
+        self.cut(begin, self.order.len())
     }
 
     /// Rows at some places in the order.
@@ -92,7 +97,7 @@ impl Groups {
         self.order.get(begin..end).unwrap_or_default()
     }
 
-    fn pieces(&self, begin: usize, end: usize) -> Vec<Piece> {
+    fn cut(&self, begin: usize, end: usize) -> Vec<Piece> {
         let place = |at: usize| self.place[self.order[at] as usize];
         let mut found: Vec<Piece> = vec![];
         for at in begin..end {
@@ -145,10 +150,9 @@ mod tests {
     }
 
     fn told(groups: &Groups) -> Vec<(i64, i64, u32, Vec<Vec<u32>>)> {
-        let each = groups
-            .each()
-            .map(|(about, row, pieces)| (about.node, about.key, row, rows(groups, &pieces)));
-        each.collect()
+        let each = groups.each().enumerate();
+        let told = each.map(|(at, (about, row))| (about.node, about.key, row, rows(groups, &groups.pieces(at))));
+        told.collect()
     }
 
     #[test]
@@ -164,7 +168,7 @@ mod tests {
                 (5, 1, 4, vec![vec![4], vec![2, 0]]),
             ]
         );
-        let (_, _, pieces) = groups.each().last().unwrap();
+        let pieces = groups.pieces(2);
         assert_eq!((pieces[1].first, pieces[1].last), ((20, 9), (30, 1)));
     }
 
@@ -176,7 +180,7 @@ mod tests {
         assert_eq!(rows(&groups, &pieces), vec![vec![1], vec![2, 0]]);
         let pieces = groups.together(&[1, 2]);
         assert_eq!(rows(&groups, &pieces), vec![vec![3, 2, 0]]); // at one place the first group comes first
-        assert_eq!(told(&groups).len(), 3);
+        assert_eq!((told(&groups).len(), groups.pieces(3)), (3, vec![]));
     }
 
     #[test]
@@ -184,8 +188,7 @@ mod tests {
         let begins = |apart: Apart, t: &[i64]| -> Vec<usize> {
             let place: Vec<Place> = t.iter().map(|&t| (t, 0)).collect();
             let groups = Groups::of(&vec![of(1, 1); t.len()], place, apart);
-            let (_, _, pieces) = groups.each().next().unwrap();
-            pieces.iter().map(|one| one.begin).collect()
+            groups.pieces(0).iter().map(|one| one.begin).collect()
         };
         let piece = Apart { pause: 10, piece: 10 };
         assert_eq!(begins(piece, &[-11, -10, -1, 0, 9, 10]), vec![0, 1, 3, 5]);

@@ -113,35 +113,43 @@ class Findings:
         rule = self._rules[found.rule]
         apart = BY_PIECE if rule.page.explained else ALL_ONE if rule.crowded else BY_PAUSE
         told = _Told(found, rule.page, view, groups_of(found, near_drops, apart))
-        lasts = found.lasts or not rule.page.key  # what keeps findings apart is the same number in every batch
-        alike, further = dict[tuple[bool, bool], AlikeRuns](), dict[tuple[bool, bool], list[int]]()
-        placed: list[tuple[KeyRuns, Piece]] = []
-        for at, (noted, doubtful, about, row, pieces) in enumerate(told.groups.groups()):
-            kind = noted, doubtful
-            if kind not in alike:
-                alike[kind] = self._alike_of(found, noted, doubtful)
-            kept = alike[kind].known.get(about) if lasts else None
-            kept = kept or self._kept_apart(told, alike[kind], about, row)
-            if kept is None:
-                further.setdefault(kind, []).append(at)
-            else:
-                placed += [(kept, piece) for piece in pieces]
-        for kind, some in further.items():
-            kept = self._kept_of(alike[kind].shared)
-            placed += [(kept, piece) for piece in told.groups.together(some)]
+        placed = self._placed(told)
         if rule.plain and 0 <= MOST_APART - rule.count < len(placed):
             placed.sort(key=lambda one: one[1][0])  # which ones are the last to stand apart
         for kept, piece in placed:
-            self._add_rows(kept, told, piece)
+            first, last, begin, end = piece
+            room = None if found.worst else self._counted(kept, first, last, end - begin)
+            if room is None:
+                self._add_rows(kept, told, piece)
+            elif room:
+                for row in told.groups.rows(begin, min(begin + room, end)):
+                    insort(kept.runs[-1].examples, told.example(row))
+
+    def _placed(self, told: _Told) -> list[tuple[KeyRuns, Piece]]:
+        """Return the pieces of occurrences, each with the runs of its key; those that share a key come last."""
+        found, groups = told.found, told.groups
+        lasts = found.lasts or not told.page.key  # what keeps findings apart is the same number in every batch
+        alike, further = dict[tuple[bool, bool], AlikeRuns](), dict[tuple[bool, bool], list[int]]()
+        placed: list[tuple[KeyRuns, Piece]] = []
+        for at, (kind, about, row) in enumerate(groups.groups()):
+            same = alike.get(kind)
+            if same is None:
+                same = alike[kind] = self._alike_of(found, *kind)
+            kept = same.known.get(about) if lasts else None
+            if kept is None and about[:3] not in same.beyond:
+                kept = self._kept_apart(told, same, about, row)
+            if kept is None:
+                further.setdefault(kind, []).append(at)
+            else:
+                placed += [(kept, piece) for piece in groups.pieces(at)]
+        for kind, some in further.items():
+            kept = self._kept_of(alike[kind].shared)
+            placed += [(kept, piece) for piece in groups.together(some)]
+        return placed
 
     def _add_rows(self, kept: KeyRuns, told: _Told, piece: Piece) -> None:
-        """Add occurrences of one key that are in one run."""
+        """Add occurrences of one key that are in one run, and not counted in another one."""
         found, (first, last, begin, end) = told.found, piece
-        room = None if found.worst else self._counted(kept, first, last, end - begin)
-        if room is not None:
-            for row in told.groups.rows(begin, min(begin + room, end)) if room else ():
-                insort(kept.runs[-1].examples, told.example(row))
-            return
         run = OccurrenceRun(first, last, end - begin)
         if found.worst:
             run.episode = episode_of(found, np.array(told.groups.rows(begin, end)))
@@ -158,6 +166,7 @@ class Findings:
         (bus, node, number, _), found, shared = about, told.found, alike.shared
         full, keyed = len(self.runs) >= MOST_GROUPS, told.page.key
         if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
+            alike.leave_out(about[:3])
             return None
         named = told.page.key_of((found.key_values or found.values)(row)) if keyed else ""
         known: tuple[int, int, int, int | str] = (bus, node, number, named if keyed else 0)
@@ -169,6 +178,8 @@ class Findings:
             kept = self._apart(FindingKey(shared.rule, shared.severity, bus, node, type_, named, shared.dialects))
             if kept is not None:
                 alike.known[known] = kept
+            elif not keyed:
+                alike.leave_out(about[:3])
         return kept
 
     def _alike_of(self, found: Occurrences, noted: bool, doubtful: bool) -> AlikeRuns:
@@ -187,14 +198,15 @@ class Findings:
 
         None if they are a run of their own, or join one that has examples behind them.
         """
-        run, rule = kept.before(first), kept.rule
+        runs, rule = kept.runs, kept.rule
+        run = runs[-1] if runs and runs[-1].first < first else kept.before(first)
         if run is None or run.episode is not None:
             return None
         goes_on = is_full(run, first)
         if last > run.last:
-            goes_on = goes_on or (run.last < first and not (rule.page.explained and len(kept.runs) > MOST_PIECES))
+            goes_on = goes_on or (run.last < first and not (rule.page.explained and len(runs) > MOST_PIECES))
             goes_on = rule.crowded or (goes_on and rule.close(run, first))
-            goes_on = goes_on and run is kept.runs[-1]  # else they may join the run behind it, too
+            goes_on = goes_on and run is runs[-1]  # else they may join the run behind it, too
             if goes_on:
                 run.last = last
         if not goes_on:

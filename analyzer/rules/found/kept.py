@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from analyzer.rules.found.keys import FindingKey
     from analyzer.rules.found.runs import OccurrenceRun
 
+MOST_BEYOND = 1 << 16
+
 
 class RuleRuns:
     """The runs of a rule: how many there are, and what makes one of two.
@@ -52,11 +54,18 @@ class AlikeRuns:
     """The runs of occurrences that are alike but for bus, node, type and key.
 
     `shared` is the key of what comes when no more keys are kept apart, `known` has those that are, by what tells them
-    apart.
+    apart. `beyond` are buses, nodes and types of which none is, and none will be.
     """
 
-    __slots__ = ("known", "shared")
+    __slots__ = ("beyond", "known", "shared")
 
     def __init__(self, shared: FindingKey) -> None:
         self.shared = shared
         self.known: dict[tuple[int, int, int, str | int], KeyRuns] = {}
+        self.beyond: set[tuple[int, ...]] = set()
+
+    def leave_out(self, about: tuple[int, ...]) -> None:
+        """Note that nothing of a bus, a node and the number of a type will be kept apart."""
+        if len(self.beyond) >= MOST_BEYOND:
+            self.beyond.clear()
+        self.beyond.add(about)

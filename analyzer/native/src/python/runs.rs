@@ -9,8 +9,8 @@ use crate::runs::{About, Apart, Groups, Piece, Place};
 /// The places of the first and the last of some rows, and where these begin and end in the order.
 type Told = (Place, Place, usize, usize);
 
-/// What the rows of a group are all of: noted, doubtful; bus, node, type, key; its first row, its pieces.
-type Group = (bool, bool, (i64, i64, i64, i64), u32, Vec<Told>);
+/// What the rows of a group are all of: noted and doubtful; bus, node, type and key; its first row.
+type Group = ((bool, bool), (i64, i64, i64, i64), u32);
 
 /// Rows of occurrences of one rule by group.
 #[pyclass]
@@ -56,7 +56,7 @@ impl OccurrenceGroups {
 
     /// Every group, in the order of bus, node, type, the masks, and key.
     fn groups(&self) -> Vec<Group> {
-        let told = |(about, row, pieces): (About, u32, Vec<Piece>)| {
+        let told = |(about, row): (About, u32)| {
             let About {
                 bus,
                 node,
@@ -65,9 +65,14 @@ impl OccurrenceGroups {
                 doubtful,
                 key,
             } = about;
-            (noted, doubtful, (bus, node, type_, key), row, told(&pieces))
+            ((noted, doubtful), (bus, node, type_, key), row)
         };
         self.0.each().map(told).collect()
+    }
+
+    /// The pieces of a group, by its place among all.
+    fn pieces(&self, group: usize) -> Vec<Told> {
+        told(&self.0.pieces(group))
     }
 
     /// The pieces of some groups, by their places among all, as if they were one.
