@@ -216,6 +216,7 @@ def _breaches(rows: Rows, view: View, why: Why, *, noted: bool, drops: bool) -> 
 
     return Occurrences(
         rule=rows.rule, t=t.t[row], bus=t.bus[row], node=np.where(nobody, NOBODY, src), type=code,
-        frame=t.lead[row], values=values, frames=frames, key=why.kind, severity="note" if noted else None,
-        drops=drops, each_named=True,
+        frame=t.lead[row], values=values, frames=frames, key=why.kind,
+        key_values=lambda k: {"cause": why.cause(k).what}, severity="note" if noted else None, drops=drops,
+        each_named=True,
     )  # fmt: skip

@@ -129,7 +129,8 @@ class _Told(NamedTuple):
         return Occurrences(
             rule="TRF-005", t=first.t, bus=first.bus, node=node, type=code, frame=first.number,
             values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.numbers(rows.item(k)),
-            key=key, severity=self.severity(rows.item(0)), drops=True, each_named=True,
+            key=key, key_values=lambda k: {"cause": FORMS[self.what[rows.item(k)]].what},
+            severity=self.severity(rows.item(0)), drops=True, each_named=True,
         )  # fmt: skip
 
 
