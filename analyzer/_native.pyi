@@ -25,6 +25,7 @@ __all__ = [
     "Messages",
     "MotorSums",
     "MotorWatch",
+    "OccurrenceGroups",
     "OrphanIndex",
     "PacketRows",
     "Packets",
@@ -61,6 +62,7 @@ _Spec: TypeAlias = tuple[int, str, bytes | None, bytes, bytes, list[_Spec]]
 _Steps: TypeAlias = tuple[float, float, float]
 _Table: TypeAlias = list[tuple[int, Cells | None, Cells | None, Cells | None]]
 _Taken: TypeAlias = tuple[bytes, list[tuple[int, bytes, int]], tuple[int, int]]
+_Piece: TypeAlias = tuple[tuple[int, int], tuple[int, int], int, int]
 _IdCause: TypeAlias = tuple[int, int, int, list[int], int, list[int]]
 _IdTold: TypeAlias = tuple[
     tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells, Cells, Cells], tuple[Cells, Cells], tuple[Cells, Cells]
@@ -335,6 +337,16 @@ class Firsts:
     def has(self, keys: Any) -> Cells: ...
     def find(self, keys: Any, t: int, number: int) -> tuple[Cells, Cells]: ...
     def __deepcopy__(self, _memo: object, /) -> Firsts: ...
+
+@final
+class OccurrenceGroups:
+    def __new__(
+        cls, columns: Sequence[Any], key: Any, masks: Sequence[Any], apart: tuple[int, int]
+    ) -> OccurrenceGroups: ...
+    def groups(self) -> list[tuple[tuple[bool, bool], tuple[int, int, int, int], int]]: ...
+    def pieces(self, group: int) -> list[_Piece]: ...
+    def together(self, groups: list[int]) -> list[_Piece]: ...
+    def rows(self, begin: int, end: int) -> list[int]: ...
 
 @final
 class OrphanIndex:

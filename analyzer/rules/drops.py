@@ -68,8 +68,11 @@ class Drops:
             last = max(found.t, found.until or found.t)
         self._held.append((last, found))
 
-    def ready(self, end: int | None) -> Iterator[tuple[Occurrences | Occurrence, list[bool]]]:
-        """Yield what no later loss can explain once the capture has come to `end` (None: to its end)."""
+    def ready(self, end: int | None) -> Iterator[tuple[Occurrences | Occurrence, Array]]:
+        """Yield what no later loss can explain once the capture has come to `end` (None: to its end).
+
+        With each comes a mask of its rows that are near a loss.
+        """
         after = max(self._around, self._beside + WIDEST + LONGEST + SETTLED)
         late = [end is None or last < end - after for last, _ in self._held]
         spare = late.count(False) - MOST_HELD
@@ -78,6 +81,8 @@ class Drops:
         done = [found for (_, found), now in zip(self._held, late, strict=True) if now]
         self._held = [entry for entry, now in zip(self._held, late, strict=True) if not now]
         told = list(united(done, self._keyed))
+        if not told:
+            return
         near = self._near_each(told)
         begin = 0
         for one in told:
@@ -85,23 +90,26 @@ class Drops:
             yield one, near[begin : begin + size]
             begin += size
 
-    def _near_each(self, found: Sequence[Occurrences | Occurrence]) -> list[bool]:
-        """Return which occurrences are near a loss, row by row of those that have several."""
-        if not found:
-            return []
-        columns: list[tuple[Any, Any, Any]] = []
+    def _near_each(self, found: Sequence[Occurrences | Occurrence]) -> Array:
+        """Return a mask of those near a loss, row by row of occurrences that have several."""
+        bus: list[Any] = []
+        since: list[Any] = []
+        until: list[Any] = []
         for one in found:
-            since, until = (one.t if times is None else times for times in (one.since, one.until))
+            begin = one.t if one.since is None else one.since
+            end = one.t if one.until is None else one.until
             if isinstance(one, Occurrences):
-                columns.append((one.bus, since, until))
+                bus.append(one.bus)
+                since.append(begin)
+                until.append(end)
             else:
-                begin, end = (min(max(time, NO_TIME), _LAST) for time in (since, until))
-                columns.append(([one.bus], [begin], [end]))
-        bus, since, until = (np.concatenate(parts, dtype=np.int64) for parts in zip(*columns, strict=True))
-        return self._near(bus, since, until)
+                bus.append([one.bus])
+                since.append([min(max(begin, NO_TIME), _LAST)])
+                until.append([min(max(end, NO_TIME), _LAST)])
+        return self._near(*(np.concatenate(parts, dtype=np.int64) for parts in (bus, since, until)))
 
-    def _near(self, bus: Array, since: Array, until: Array) -> list[bool]:
-        """Return which stretches of time of a bus are near a loss."""
+    def _near(self, bus: Array, since: Array, until: Array) -> Array:
+        """Return a mask of the stretches of time of a bus that are near a loss."""
         near, most = np.zeros(len(since), bool), max(self._around, self._beside)
         for one in distinct(bus) if self._times or self._joint else ():
             rows = (bus == one).nonzero()[0]
@@ -115,8 +123,7 @@ class Drops:
                 at = ends.searchsorted(first - self._beside)
                 inside = at < len(ends)
                 near[rows] |= inside & (begins[np.where(inside, at, 0)] <= last + self._beside)
-        found: list[bool] = near.tolist()
-        return found
+        return near
 
 
 def _without_overlaps(times: Array) -> Array:

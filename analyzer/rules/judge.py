@@ -20,7 +20,7 @@ from dissectors.kit import SECOND
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
     from analyzer.decode.engine import Batch
     from analyzer.decode.places import Places
@@ -156,7 +156,7 @@ class Judge:
             else:
                 self._add(one, view)
 
-    def _add(self, found: Occurrences | Occurrence, view: View, near_drops: Sequence[bool] | None = None) -> None:
+    def _add(self, found: Occurrences | Occurrence, view: View, near_drops: Array | None = None) -> None:
         self._findings.feed(found, view, near_drops=near_drops)
         if self._named is not None:
             self._named.feed(found)

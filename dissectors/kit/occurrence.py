@@ -52,7 +52,8 @@ class Occurrences:
 
     `t`, `bus`, `node` (-1 for none), `frame` (-1 for none) and `type` (codes of `View.type_name`) are arrays of equal
     length. `key` tells rows apart whose values may give different keys. `values` and `frames` are asked for the few
-    rows that are shown.
+    rows that are shown. `key_values` gives only those values of a row that the rule's key is made of, where all take
+    longer; they are the same for the same `key` in every batch if that `lasts`.
 
     `worst` maps names to which of a row's numbers is worst, and these: then a run of breaches is told as an episode,
     whose text may name `worst_NAME` beside the values at its onset, and how long it `lasted`. `rises` marks rows that a
@@ -70,6 +71,8 @@ class Occurrences:
     values: Callable[[int], Values]
     frames: Callable[[int], Sequence[int]]
     key: Array | None = None
+    key_values: Callable[[int], Values] | None = None
+    lasts: bool = False
     severity: Severity | None = None
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False

@@ -14,7 +14,7 @@ from kit.judged import outcome, registry
 from analyzer.decode.readings import Statement
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
-from analyzer.rules.found import findings, runs
+from analyzer.rules.found import findings, kept, runs
 from analyzer.rules.found.findings import Findings
 from analyzer.rules.found.results import Results
 from analyzer.rules.view import Past
@@ -94,6 +94,41 @@ def test_twenty_examples_are_kept_the_first_ones() -> None:
     assert found == ("channel=1", 30, 0, 29, list(range(20)))
 
 
+def test_values_are_asked_of_what_is_shown_alone_where_those_of_the_key_are_given() -> None:
+    asked: list[int] = []
+
+    def seen(first: int) -> Occurrences:
+        found = many([(first + k, first + k, 1) for k in range(15)])
+
+        def values(k: int) -> Any:
+            asked.append(first + k)
+            return found.values(k)
+
+        return replace(found, values=values, key_values=lambda _: {"channel": 1})
+
+    (run,) = brief(*(seen(first) for first in (0, 15, 30, 45)))
+    assert run == ("channel=1", 60, 0, 59, list(range(20)))
+    assert asked == list(range(20))
+
+
+def test_a_key_that_lasts_is_asked_of_its_first_occurrence_alone() -> None:
+    asked: list[int] = []
+
+    def seen(t: int, *, lasts: bool) -> Occurrences:
+        def key_values(k: int) -> Any:
+            asked.append(t)
+            return {"channel": [1, 2][k]}
+
+        return replace(many([(t, t, 1), (t, t + 1, 2)]), key_values=key_values, lasts=lasts)
+
+    assert brief(*(seen(t, lasts=True) for t in (0, 2, 4))) == brief(
+        *(many([(t, t, 1), (t, t + 1, 2)]) for t in (0, 2, 4))
+    )
+    assert asked == [0, 0]
+    brief(*(seen(t, lasts=False) for t in (0, 2)))
+    assert asked == [0, 0, 0, 0, 2, 2]
+
+
 def test_bounds_merge_and_never_forget(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "MOST_RUNS", 3)
     monkeypatch.setattr(findings, "MOST_GROUPS", 2)
@@ -101,6 +136,17 @@ def test_bounds_merge_and_never_forget(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sum(count for _, count, *_ in found) == 10
     assert [key for key, *_ in found].count("channel=1") == 3
     assert {key for key, *_ in found} == {"channel=1", "channel=2", "further"}
+
+
+@pytest.mark.parametrize("most", [1, 1 << 16])
+def test_what_comes_when_no_more_keys_are_kept_apart_shares_one(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """In every batch, of a node that has a key and of others; what is forgotten of these is found out again."""
+    monkeypatch.setattr(findings, "MOST_GROUPS", 2)
+    monkeypatch.setattr(kept, "MOST_BEYOND", most)
+    batch = many([(1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 1), (1, 5, 1)])
+    batch = replace(batch, node=np.array([10, 10, 10, 11, 12]))
+    found = {key: count for key, count, *_ in brief(*(replace(batch, t=batch.t + k * SECOND) for k in range(4)))}
+    assert found == {"channel=1": 4, "channel=2": 4, "further": 12}
 
 
 def test_a_rule_with_too_many_runs_has_no_more_for_what_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,7 +271,14 @@ def test_what_a_loss_may_explain_waits_for_it(end: int | None, given_back: int) 
     drops.hold(one(11.5, 2))
     ready = list(drops.ready(None if end is None else end * SECOND))
     assert len(ready) == given_back
-    assert [near for _, near in ready] == [[False]] * given_back
+    assert [near.tolist() for _, near in ready] == [[False]] * given_back
+
+
+def test_occurrences_without_a_row_are_not_given_back() -> None:
+    drops, whole = Drops(around=5 * SECOND, beside=SECOND // 2), many([(1, 1, 1)])
+    columns = {name: getattr(whole, name)[:0] for name in ("t", "bus", "node", "type", "frame")}
+    drops.hold(replace(whole, **columns, key=None))
+    assert list(drops.ready(None)) == []
 
 
 @pytest.mark.parametrize(
@@ -241,7 +294,7 @@ def test_a_loss_is_near_up_to_the_ends_of_all_times(t: int, until: int, near: bo
     drops = Drops(around=5 * SECOND, beside=SECOND // 2)
     drops.add(JointLosses(*(np.array([cell]) for cell in (0, 10 * SECOND, 10 * SECOND, 0, 1, 3, 0, 0))))
     drops.hold(replace(one(0, 1), t=t, until=until))
-    assert [found for _, found in drops.ready(None)] == [[near]]
+    assert [found.tolist() for _, found in drops.ready(None)] == [[near]]
 
 
 @pytest.mark.sampled(2)

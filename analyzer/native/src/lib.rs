@@ -6,10 +6,10 @@
 //! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
 //! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
 //! [`joint`] where several senders lack some, [`alike`] which frames come again, [`load`] how long one takes, [`motor`]
-//! how an ESC compares with its own past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by
-//! templates, [`evidence`] frames of findings. None of them knows Python or does I/O, but for `receive`, which empties
-//! a socket of Linux; `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the
-//! only ones with `unsafe`.
+//! how an ESC compares with its own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of,
+//! [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or does
+//! I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
+//! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod alike;
@@ -54,6 +54,7 @@ pub mod reassembly;
 pub mod receive;
 pub mod remainders;
 pub mod rows;
+pub mod runs;
 pub mod session;
 pub mod sessions;
 pub mod short;

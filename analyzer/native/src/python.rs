@@ -43,6 +43,7 @@ mod reader;
 mod receive;
 mod remainders;
 mod rows;
+mod runs;
 mod tables;
 mod template;
 mod write;
@@ -233,6 +234,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<budgets::Causes>()?;
     m.add_class::<remainders::Remainders>()?;
     m.add_class::<firsts::Firsts>()?;
+    m.add_class::<runs::OccurrenceGroups>()?;
     m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;

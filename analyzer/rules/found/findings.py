@@ -5,31 +5,26 @@ The result does not depend on the order in which occurrences come in, as long as
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from typing import TYPE_CHECKING, Any, NamedTuple
+from bisect import insort
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from analyzer.rules.found.episodes import episode_of
-from analyzer.rules.found.groups import all_one, by_pause, by_piece, by_place, pieces_by_key, split
+from analyzer.rules.found.groups import ALL_ONE, BY_PAUSE, BY_PIECE, groups_of
+from analyzer.rules.found.kept import AlikeRuns, KeyRuns, RuleRuns
 from analyzer.rules.found.keys import FURTHER, FindingKey, RuleAt, Spot
-from analyzer.rules.found.runs import (
-    MOST_EXAMPLES,
-    RICH,
-    OccurrenceRun,
-    Shown,
-    absorb,
-    closeness,
-    is_full,
-    joined,
-    merge,
-)
+from analyzer.rules.found.runs import MOST_EXAMPLES, RICH, OccurrenceRun, Shown, absorb, is_full, joined, merge
 from dissectors.kit import Occurrence, Occurrences
 from dissectors.kit.occurrence import TURNED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
+    from analyzer._native import OccurrenceGroups
     from analyzer.rules.catalogue import Page
-    from dissectors.kit import Severity, View
+    from analyzer.rules.found.groups import Piece
+    from dissectors.kit import Array, Severity, View
 
 MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long past that are alike are put together
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
@@ -43,17 +38,15 @@ class _Told(NamedTuple):
     found: Occurrences
     page: Page
     view: View
-
-    def place(self, row: int) -> tuple[int, int]:
-        """Return the place of one."""
-        return self.found.t.item(row), self.found.frame.item(row)
+    groups: OccurrenceGroups
 
     def example(self, row: int) -> Shown:
         """Return one to show."""
         found = self.found
         values, frames = found.values(row), tuple(found.frames(row))
         lines = self.view.lines(frames) if found.lines is None else found.lines(row)
-        return Shown(*self.place(row), self.page.say(values), str(values.get("cause", "")), frames, lines)
+        place = found.t.item(row), found.frame.item(row)
+        return Shown(*place, self.page.say(values), str(values.get("cause", "")), frames, lines)
 
 
 class Findings:
@@ -70,26 +63,31 @@ class Findings:
         self.runs: dict[FindingKey, list[OccurrenceRun]] = {}
         self.spots: dict[Spot, list[FindingKey]] = {}
         self.keys: dict[RuleAt, list[FindingKey]] = {}
-        self._changed: set[Spot] = set()
         causes = {rule for page in pages.values() for rule in page.explained}
-        self._plain = {rule for rule, page in pages.items() if not page.explained} - causes
-        self._counts: dict[str, int] = {}  # runs of rules
-        self._total = 0  # and of all
+        self._rules = {
+            rule: RuleRuns(page, plain=not page.explained and rule not in causes) for rule, page in pages.items()
+        }
+        self._kept: dict[FindingKey, KeyRuns] = {}
+        self._alike: dict[tuple[object, ...], AlikeRuns] = {}
+        self._changed: list[KeyRuns] = []
+        self._total = 0  # runs of all rules
         self.changes = 0  # how often something was added
 
-    def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
-        """Add occurrences of one rule; `near_drops` marks those that lost frames may explain."""
+    def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Array | None = None) -> None:
+        """Add occurrences of one rule; `near_drops` is a mask of those that lost frames may explain."""
         if found.rule not in self._pages:
             return
         if isinstance(found, Occurrence):
-            self._add_one(found, view, bool(near_drops and near_drops[0]))
+            self._add_one(found, view, near_drops is not None and bool(near_drops[0]))
         elif len(found.t):
             self._add_many(found, view, near_drops)
 
     def take_changed(self) -> set[Spot]:
         """Return the spots where something was added since the last call."""
-        changed, self._changed = self._changed, set()
-        return changed
+        changed, self._changed = self._changed, []
+        for kept in changed:
+            kept.changed = False
+        return {kept.spot for kept in changed}
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
@@ -97,96 +95,134 @@ class Findings:
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
-        key = key if self._has_room(key) else key._replace(bus=-1, node=-1, type="", key=FURTHER)
+        kept = self._apart(key) or self._kept_of(key._replace(bus=-1, node=-1, type="", key=FURTHER))
         place = (one.t, one.frames[0] if one.frames else -1)
-        if self._is_counted(key, place, place, 1):
-            return
-        run = OccurrenceRun(place, place, 1)
-        if self._room(key, run, sparse=False):
+        room = self._counted(kept, place, place, 1)
+        run = kept.runs[-1] if room else OccurrenceRun(place, place, 1)
+        new = room is None
+        if new:
+            room = self._room(kept, run, sparse=False)
+        if room:
             cause = str(one.values.get("cause", ""))
             lines = one.lines or view.lines(one.frames)
-            run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
-        self._put(key, run)
+            insort(run.examples, Shown(*place, page.say(one.values), cause, tuple(one.frames), lines))
+        if new:
+            self._put(kept, run)
 
-    def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
-        page = self._pages[found.rule]
-        further: dict[tuple[bool, bool], list[Any]] = {}
-        full = len(self.runs) >= MOST_GROUPS
-        told, shared = _Told(found, page, view), dict[tuple[bool, bool], FindingKey]()
-        apart = by_piece if page.explained else all_one if self._is_crowded(found.rule) else by_pause
-        placed: list[tuple[FindingKey, Any]] = []
-        for pieces, noted, doubtful, bus, node, number in pieces_by_key(found, near_drops, apart):
-            if (noted, doubtful) not in shared:
-                shared[noted, doubtful] = self._shared_key(found, noted, doubtful)
-            last, type_ = shared[noted, doubtful], view.type_name(number)
-            if not full or Spot(found.rule, bus, node, type_) in self.spots:
-                named = page.key_of(found.values(pieces[0].item(0))) if page.key else ""
-                key = FindingKey(last.rule, last.severity, bus, node, type_, named, last.dialects)
-                if self._has_room(key):
-                    self._runs_of(key)
-                    placed += ((key, piece) for piece in pieces)
-                    continue
-            further.setdefault((noted, doubtful), []).extend(pieces)
-        for of, parts in further.items():
-            rows = by_place(found, parts)
-            placed += ((shared[of], piece) for piece in split(rows, apart(found.t[rows])))
-        if found.rule in self._plain and 0 <= MOST_APART - self._counts.get(found.rule, 0) < len(placed):
-            placed.sort(key=lambda one: told.place(one[1].item(0)))  # which ones are the last to stand apart
-        for key, piece in placed:
-            self._add_rows(key, told, piece)
+    def _add_many(self, found: Occurrences, view: View, near_drops: Array | None) -> None:
+        rule = self._rules[found.rule]
+        apart = BY_PIECE if rule.page.explained else ALL_ONE if rule.crowded else BY_PAUSE
+        told = _Told(found, rule.page, view, groups_of(found, near_drops, apart))
+        placed = self._placed(told)
+        if rule.plain and 0 <= MOST_APART - rule.count < len(placed):
+            placed.sort(key=lambda one: one[1][0])  # which ones are the last to stand apart
+        for kept, piece in placed:
+            first, last, begin, end = piece
+            room = None if found.worst else self._counted(kept, first, last, end - begin)
+            if room is None:
+                self._add_rows(kept, told, piece)
+            elif room:
+                for row in told.groups.rows(begin, min(begin + room, end)):
+                    insort(kept.runs[-1].examples, told.example(row))
 
-    def _add_rows(self, key: FindingKey, told: _Told, rows: Any) -> None:
-        """Add occurrences of one key that are in one run."""
-        found, first = told.found, told.place(rows.item(0))
-        last = first if len(rows) == 1 else told.place(rows.item(-1))
-        if not found.worst and self._is_counted(key, first, last, len(rows)):
-            return
-        run = OccurrenceRun(first, last, len(rows), episode=episode_of(found, rows))
-        room = self._room(key, run, sparse=key.key != FURTHER and found.lines is None)
+    def _placed(self, told: _Told) -> list[tuple[KeyRuns, Piece]]:
+        """Return the pieces of occurrences, each with the runs of its key; those that share a key come last."""
+        found, groups = told.found, told.groups
+        lasts = found.lasts or not told.page.key  # what keeps findings apart is the same number in every batch
+        alike, further = dict[tuple[bool, bool], AlikeRuns](), dict[tuple[bool, bool], list[int]]()
+        placed: list[tuple[KeyRuns, Piece]] = []
+        for at, (kind, about, row) in enumerate(groups.groups()):
+            same = alike.get(kind)
+            if same is None:
+                same = alike[kind] = self._alike_of(found, *kind)
+            kept = same.known.get(about) if lasts else None
+            if kept is None and about[:3] not in same.beyond:
+                kept = self._kept_apart(told, same, about, row)
+            if kept is None:
+                further.setdefault(kind, []).append(at)
+            else:
+                placed += [(kept, piece) for piece in groups.pieces(at)]
+        for kind, some in further.items():
+            kept = self._kept_of(alike[kind].shared)
+            placed += [(kept, piece) for piece in groups.together(some)]
+        return placed
+
+    def _add_rows(self, kept: KeyRuns, told: _Told, piece: Piece) -> None:
+        """Add occurrences of one key that are in one run, and not counted in another one."""
+        found, (first, last, begin, end) = told.found, piece
+        run = OccurrenceRun(first, last, end - begin)
+        if found.worst:
+            run.episode = episode_of(found, np.array(told.groups.rows(begin, end)))
+        room = self._room(kept, run, sparse=kept.key.key != FURTHER and found.lines is None)
         if room:
+            rows = told.groups.rows(begin, min(begin + room, end))
             if run.episode is not None:
-                run.episode.onset = found.values(rows.item(0))
-            run.examples = [told.example(row) for row in rows[:room].tolist()]
-        self._put(key, run)
+                run.episode.onset = found.values(rows[0])
+            run.examples = [told.example(row) for row in rows]
+        self._put(kept, run)
 
-    def _shared_key(self, found: Occurrences, noted: bool, doubtful: bool) -> FindingKey:
-        """Return the key that what comes later shares; `doubtful`: its values may be those of another reading."""
-        severity = self._severity(found.rule, found.severity, noted)
-        dialects = (*found.dialects.items(), *(TURNED.items() if doubtful else ()))
-        return FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects)
+    def _kept_apart(self, told: _Told, alike: AlikeRuns, about: tuple[int, int, int, int], row: int) -> KeyRuns | None:
+        """Return the runs of a bus, a node, the number of a type, and the key of a row; None if there is no room."""
+        (bus, node, number, _), found, shared = about, told.found, alike.shared
+        full, keyed = len(self.runs) >= MOST_GROUPS, told.page.key
+        if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
+            alike.leave_out(about[:3])
+            return None
+        named = told.page.key_of((found.key_values or found.values)(row)) if keyed else ""
+        known: tuple[int, int, int, int | str] = (bus, node, number, named if keyed else 0)
+        if found.lasts:
+            known = about
+        kept = alike.known.get(known)
+        if kept is None:
+            type_ = told.view.type_name(number)
+            kept = self._apart(FindingKey(shared.rule, shared.severity, bus, node, type_, named, shared.dialects))
+            if kept is not None:
+                alike.known[known] = kept
+            elif not keyed:
+                alike.leave_out(about[:3])
+        return kept
 
-    def _is_counted(self, key: FindingKey, first: tuple[int, int], last: tuple[int, int], count: int) -> bool:
-        """Return whether occurrences go on with a run that has all its examples, and count them there then."""
-        run = self._before(key, first)
+    def _alike_of(self, found: Occurrences, noted: bool, doubtful: bool) -> AlikeRuns:
+        """Return the runs of such occurrences; `doubtful`: their values may be those of another reading."""
+        dialects = tuple(found.dialects.items())
+        kind = found.rule, found.severity, dialects, noted, doubtful
+        alike = self._alike.get(kind)
+        if alike is None:
+            severity = self._severity(found.rule, found.severity, noted)
+            dialects += tuple(TURNED.items()) if doubtful else ()
+            alike = self._alike[kind] = AlikeRuns(FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects))
+        return alike
+
+    def _counted(self, kept: KeyRuns, first: tuple[int, int], last: tuple[int, int], count: int) -> int | None:
+        """Count occurrences that go on with a run, and return how many examples of them the last run wants then.
+
+        None if they are a run of their own, or join one that has examples behind them.
+        """
+        runs, rule = kept.runs, kept.rule
+        run = runs[-1] if runs and runs[-1].first < first else kept.before(first)
         if run is None or run.episode is not None:
-            return False
+            return None
         goes_on = is_full(run, first)
         if last > run.last:
-            goes_on = self._is_crowded(key.rule) or (goes_on and closeness(self._pages[key.rule])(run, first))
-            goes_on = goes_on and run is self.runs[key][-1]  # else they may join the run behind it, too
+            goes_on = goes_on or (run.last < first and not (rule.page.explained and len(runs) > MOST_PIECES))
+            goes_on = rule.crowded or (goes_on and rule.close(run, first))
+            goes_on = goes_on and run is runs[-1]  # else they may join the run behind it, too
+            if goes_on:
+                run.last = last
         if not goes_on:
-            return False
-        run.last = max(run.last, last)
-        run.count += count
-        self._mark(key)
-        return True
-
-    def _before(self, key: FindingKey, place: tuple[int, int]) -> OccurrenceRun | None:
-        """Return the last run of a key that began before a place."""
-        runs = self.runs.get(key)
-        if not runs:
             return None
-        at = len(runs) if runs[-1].first < place else bisect_left(runs, place, key=lambda one: one.first)
-        return runs[at - 1] if at else None
+        run.count += count
+        self._mark(kept)
+        return 0 if rule.crowded else run.most - len(run.examples)
 
-    def _room(self, key: FindingKey, run: OccurrenceRun, *, sparse: bool) -> int:
+    def _room(self, kept: KeyRuns, run: OccurrenceRun, *, sparse: bool) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some, or all it may have.
 
         Of those that are `sparse`, runs beyond `KEPT` have one.
         """
-        before = self._before(key, run.first)
-        crowded = before is not None and self._is_crowded(key.rule)
-        if before is None or not (crowded or closeness(self._pages[key.rule])(before, run.first)):
+        before = kept.before(run.first)
+        crowded = before is not None and kept.rule.crowded
+        if before is None or not (crowded or kept.rule.close(before, run.first)):
             run.most = 1 if sparse and self._total >= KEPT else MOST_EXAMPLES
             return run.most
         run.most = 0
@@ -194,44 +230,43 @@ class Findings:
             return 0
         return before.most - len(before.examples) if before.last < run.first else before.most
 
-    def _is_crowded(self, rule: str) -> bool:
-        """Return whether an occurrence joins the run of its key before it, whatever the pause between."""
-        return rule in self._plain and self._counts.get(rule, 0) >= MOST_APART
-
     def _severity(self, rule: str, said: Severity | None, near_drops: bool) -> Severity:
         if rule in self._severities:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
-    def _has_room(self, key: FindingKey) -> bool:
-        """Return whether occurrences of a key are kept apart: those beyond `MOST_GROUPS` share one."""
-        return key in self.runs or len(self.runs) < MOST_GROUPS
+    def _apart(self, key: FindingKey) -> KeyRuns | None:
+        """Return the runs of a key that are kept apart: those beyond `MOST_GROUPS` share one."""
+        return self._kept.get(key) or (self._kept_of(key) if len(self.runs) < MOST_GROUPS else None)
 
-    def _runs_of(self, key: FindingKey) -> list[OccurrenceRun]:
+    def _kept_of(self, key: FindingKey) -> KeyRuns:
         """Return the runs of a key, which has its place from now on."""
-        runs = self.runs.get(key)
-        if runs is None:
-            runs = self.runs[key] = []
-            self.spots.setdefault(key.spot, []).append(key)
-            self.keys.setdefault(key.spot.where, []).append(key)
-        return runs
+        kept = self._kept.get(key)
+        if kept is None:
+            kept = self._kept[key] = KeyRuns(key, self._rules[key.rule])
+            self.runs[key] = kept.runs
+            self.spots.setdefault(kept.spot, []).append(key)
+            self.keys.setdefault(kept.spot.where, []).append(key)
+        return kept
 
-    def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
-        runs = self._runs_of(key)
+    def _put(self, kept: KeyRuns, run: OccurrenceRun) -> None:
+        runs, rule, key = kept.runs, kept.rule, kept.key
         before = len(runs)
-        page = self._pages[key.rule]
-        if runs and self._is_crowded(key.rule):
+        if runs and rule.crowded:
             absorb(runs, run)
         else:
-            merge(runs, run, closeness(page))
-        if page.explained and len(runs) > MOST_PIECES:
-            others = (one for rule in page.explained for one in self.keys.get(RuleAt(rule, key.bus, key.node), ()))
+            merge(runs, run, rule.close)
+        if rule.page.explained and len(runs) > MOST_PIECES:
+            others = (one for name in rule.page.explained for one in self.keys.get(RuleAt(name, key.bus, key.node), ()))
             runs[:] = joined(runs, [run for one in others for run in self.runs[one]])
-        self._counts[key.rule] = self._counts.get(key.rule, 0) + len(runs) - before
+        rule.count += len(runs) - before
+        rule.crowded = rule.plain and rule.count >= MOST_APART
         self._total += len(runs) - before
-        self._mark(key)
+        self._mark(kept)
 
-    def _mark(self, key: FindingKey) -> None:
+    def _mark(self, kept: KeyRuns) -> None:
         """Note that something was added."""
         self.changes += 1
-        self._changed.add(key.spot)
+        if not kept.changed:
+            kept.changed = True
+            self._changed.append(kept)

@@ -31,7 +31,7 @@ def narrow(view: View) -> Iterator[Occurrences]:
     def values(row: int) -> Values:
         return {"can_id": int(f.id[row]), "length": int(f.length[row])}
 
-    yield view.among_frames("CAN-001", rows, values, key=f.id[rows])
+    yield view.among_frames("CAN-001", rows, values, key=f.id[rows], lasts=True)
 
 
 @rule("CAN-019")

@@ -143,7 +143,8 @@ class _Told(NamedTuple):
         return Occurrences(
             rule="TRF-005", t=first.t, bus=first.bus, node=first.node, type=first.code, frame=first.number,
             values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.numbers(rows.item(k)),
-            key=key, severity=severity, drops=True, each_named=True,
+            key=key, key_values=lambda k: {"cause": FORMS[self.what.item(rows.item(k))].what},
+            severity=severity, drops=True, each_named=True,
             lines=(lambda k: self.of.lines(view, rows.item(k))) if kept else None,
         )  # fmt: skip
 

@@ -62,21 +62,18 @@ def occurrences(
 def _breaches(
     view: View, broken: BrokenTransfers, rule: str, rows: Array, why: Why, *, noted: bool, drops: bool
 ) -> Occurrences:
-    known: dict[int, Values] = {}  # of what is shown first also its key is asked
-
     def values(k: int) -> Values:
-        if k not in known:
-            one, cause = broken.one(rule, rows.item(k)), why.cause(k)
-            known[k] = values_of(view, one, turned_bit(one) if cause is TURNED_BIT else cause)
-        return known[k]
+        one, cause = broken.one(rule, rows.item(k)), why.cause(k)
+        return values_of(view, one, turned_bit(one) if cause is TURNED_BIT else cause)
 
     def frames(k: int) -> Sequence[int]:
         return [*broken.frames_of(rows.item(k)), *why.further(k)]
 
     return Occurrences(
         rule=rule, t=broken.t[rows], bus=broken.bus[rows], node=broken.node[rows], type=broken.code[rows],
-        frame=broken.lead[rows], values=values, frames=frames, key=why.kind, severity="note" if noted else None,
-        drops=drops, each_named=True,
+        frame=broken.lead[rows], values=values, frames=frames, key=why.kind,
+        key_values=lambda k: {"cause": why.cause(k).what}, severity="note" if noted else None, drops=drops,
+        each_named=True,
     )  # fmt: skip
 
 
