@@ -26,6 +26,7 @@ mod group;
 mod grouped;
 mod id_nodes;
 mod joint;
+mod lacks;
 mod load;
 mod log_records;
 mod mcap;
@@ -218,6 +219,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<id_nodes::IdNodes>()?;
+    m.add_class::<lacks::Lacks>()?;
     m.add_class::<esc_rows::EscRows>()?;
     m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;

@@ -106,8 +106,7 @@ class JointLossSearch:
 
     def _told(self, view: View, bus: int, lacks: LackRows, due: Array) -> Iterator[JointLosses]:
         """Yield what is joint of those that are due."""
-        fit = self._lacks.known(lacks, WIDEST)
-        fit &= ~lacks.void
+        fit = self._lacks.known(lacks, WIDEST) & ~lacks.void
         joint = self._joint(bus, lacks, np.flatnonzero(fit))
         again = self._repeats.among(lacks, joint.which)
         if again.any():
@@ -135,8 +134,7 @@ class JointLossSearch:
         )
         found = joint((since, until, place, behind, window, lacks.node[some].astype(np.uint8)), APART, NEARBY)
         of, near, begun, ended = (cells(column, np.int64) for column in found)
-        known = np.sort(np.fromiter(self._lacks.nodes.get(bus, {}).values(), np.int64))
-        senders = np.searchsorted(known, (until + window)[of], "right")
+        senders = np.searchsorted(self._lacks.nodes(bus), (until + window)[of], "right")
         enough = near >= np.clip(senders, 2, ENOUGH)
         return _Joint(some[of[enough]], near[enough], begun[enough], ended[enough])
 
