@@ -29,6 +29,7 @@ mod joint;
 mod lacks;
 mod load;
 mod log_records;
+mod losses;
 mod mcap;
 mod merge;
 mod motor;
@@ -220,6 +221,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<id_nodes::IdNodes>()?;
     m.add_class::<lacks::Lacks>()?;
+    m.add_class::<losses::Losses>()?;
     m.add_class::<esc_rows::EscRows>()?;
     m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;
