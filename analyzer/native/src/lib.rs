@@ -7,9 +7,9 @@
 //! of them, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
 //! [`joint`] where several senders lack some, [`alike`] which frames come again, [`load`] how long one takes, [`motor`]
 //! how an ESC compares with its own past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by
-//! templates, [`evidence`] frames of findings, [`losses`] which transfers did not come. None of them knows Python or does I/O, but for `receive`, which empties
-//! a socket of Linux; `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the
-//! only ones with `unsafe`.
+//! templates, [`evidence`] frames of findings, [`losses`] counts which transfers did not come. None of them knows Python
+//! or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
+//! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod alike;
