@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from dissectors.layout import Type
     from dissectors.schema import Bits, Derived, Note
 
-    Flat = tuple[int, Cells | None, Cells | None, Cells | None]
-    Shape = tuple[pa.DataType, int, tuple["Shape", ...]]
 
 _WIDTHS = (8, 16, 32, 64)
 _WORD = (1 << 64) - 1
@@ -134,24 +132,14 @@ class Description:
 
 
 class Assembler:
-    """Puts what the core hands over together to a table: the types of its columns are walked once."""
+    """Names and types what the core hands over."""
 
     def __init__(self, fields: Iterable[pa.Field], about: Mapping[str, str]) -> None:
         self.schema = pa.schema(_renamed(fields), metadata=about)
-        self._shapes = [_shape(one.type) for one in self.schema]
 
-    def place(self, column: int) -> int:
-        """Return where in a preorder list a column begins."""
-        return sum(map(_nodes, self._shapes[:column]))
-
-    def arrays(self, flat: Iterable[Flat]) -> list[pa.Array]:
-        """Return the columns of a preorder list, without a copy."""
-        cells = iter(flat)
-        return [_array(shape, cells) for shape in self._shapes]
-
-    def table(self, flat: Iterable[Flat]) -> pa.RecordBatch:
-        """Return a preorder list as a table, without a copy."""
-        return pa.RecordBatch.from_arrays(self.arrays(flat), schema=self.schema)
+    def table(self, message: Cells) -> pa.RecordBatch:
+        """Return a message of Arrow's IPC format as a table, without a copy."""
+        return pa.ipc.read_record_batch(message, self.schema)
 
 
 def _renamed(fields: Iterable[pa.Field]) -> list[pa.Field]:
@@ -161,27 +149,6 @@ def _renamed(fields: Iterable[pa.Field]) -> list[pa.Field]:
         own = one if one.name not in out else one.with_name(f"{one.name}.field")
         out[own.name] = own
     return list(out.values())
-
-
-def _shape(kind: pa.DataType) -> Shape:
-    """Return a type, how many buffers it has, and the shapes below it."""
-    if pa.types.is_struct(kind):
-        return kind, 1, tuple(_shape(kind.field(k).type) for k in range(kind.num_fields))
-    if pa.types.is_list(kind):
-        return kind, 2, (_shape(kind.value_type),)
-    return kind, 3 if pa.types.is_string(kind) or pa.types.is_binary(kind) else 2, ()
-
-
-def _nodes(shape: Shape) -> int:
-    return 1 + sum(map(_nodes, shape[2]))
-
-
-def _array(shape: Shape, flat: Iterator[Flat]) -> pa.Array:
-    kind, count, below = shape
-    rows, valid, *cells = next(flat)
-    buffers = [None if valid is None else pa.py_buffer(valid)]
-    buffers += [pa.py_buffer(one or b"") for one in cells[: count - 1]]
-    return pa.Array.from_buffers(kind, rows, buffers, children=[_array(one, flat) for one in below])
 
 
 def _is_void(kind: Type) -> bool:

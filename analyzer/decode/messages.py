@@ -21,7 +21,7 @@ from analyzer.tables import TRANSFERS
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
-    from analyzer._native import Cells, Group
+    from analyzer._native import Group
     from analyzer.decode.packets import FoundPackets
     from analyzer.decode.readings import Statement
     from analyzer.decode.told import Told
@@ -53,20 +53,17 @@ class MessageTables:
         self._assembler = Assembler([*context, *_MEASURED, *described.fields], about)
         if message.packets is not None:
             names = [one.name for one in described.fields]
-            column = len(context) + len(_MEASURED) + names.index(message.packets.field)
-            self._carries = self._assembler.place(column)
+            self._carries = len(context) + len(_MEASURED) + names.index(message.packets.field)
 
     def make(self, group: Group, first: int) -> pa.RecordBatch:
         """Return the table of a group; the batch begins with transfer `first` of the capture."""
         return self._assembler.table(self._native.table(group, first))
 
-    def make_carriers(self, group: Group, first: int) -> tuple[pa.RecordBatch, tuple[Cells, Cells]]:
+    def make_carriers(self, group: Group, first: int) -> tuple[pa.RecordBatch, tuple[pa.Buffer, pa.Buffer]]:
         """Return it with the byte arrays that may carry packets: i32 offsets and bytes."""
-        flat = self._native.table(group, first)
-        offsets, data = flat[self._carries][2], flat[self._carries + 1][2]
-        assert offsets is not None  # noqa: S101 - a list has both
-        assert data is not None  # noqa: S101
-        return self._assembler.table(flat), (offsets, data)
+        table = self.make(group, first)
+        _, offsets, _, data = table.column(self._carries).buffers()
+        return table, (offsets, data)
 
 
 @dataclass(frozen=True, slots=True)

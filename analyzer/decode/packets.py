@@ -17,7 +17,7 @@ from analyzer.tables import TRANSFERS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer._native import Cells, Group, PacketRows
+    from analyzer._native import Group, PacketRows
     from dissectors.kit import Array
     from dissectors.schema import Message, Packet, PacketFamily
 
@@ -88,8 +88,8 @@ class PacketTables:
 
     def read(self, rows: PacketRows, *, big: bool) -> dict[str, pa.Array]:
         """Return the columns of the fields of whole packets, all read in one byte order, by name."""
-        arrays = self._fields.arrays(self._native.packet_fields(rows, big))
-        return dict(zip(self._fields.schema.names, arrays, strict=True))
+        table = self._fields.table(self._native.packet_fields(rows, big))
+        return dict(zip(table.schema.names, table.columns, strict=True))
 
 
 _UNKNOWN = Assembler([*CARRIED, _OFFSET, *_UNRECOGNIZED], {})
@@ -115,7 +115,9 @@ class PacketFinder:
             ]
         )  # fmt: skip
 
-    def find(self, message: Message, group: Group, first: int, arrays: tuple[Cells, Cells]) -> Iterator[FoundPackets]:
+    def find(
+        self, message: Message, group: Group, first: int, arrays: tuple[pa.Buffer, pa.Buffer]
+    ) -> Iterator[FoundPackets]:
         """Return the packets in the byte arrays (i32 offsets, bytes) of some messages, and the bytes that are none."""
         own = next(k for k, (m, _) in enumerate(self._carriers) if m.table == message.table)
         for rows in self._native.find(own, group, first, *arrays):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, groups
+from dissectors.kit import NO_TIME, SECOND
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 MOST_STEPS = 2048  # as many, and two become one
 MOST_KEYS = 4096
 _NODES = 128
+_KEYS = 256 * _NODES
 
 
 class Course:
@@ -24,9 +25,9 @@ class Course:
         self.start: int | None = None
         self.step = SECOND
         self._last = 0
-        self._frames: dict[int, Array] = {}  # by bus
-        self._bits: dict[int, Array] = {}
-        self._transfers: dict[int, Array] = {}  # by bus and node
+        self._frames = _Series()  # by bus
+        self._bits = _Series()
+        self._transfers = _Series()  # by bus and node
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -38,18 +39,15 @@ class Course:
         seconds = view.seconds
         if len(seconds.bus):
             at = self._steps(seconds.start)
-            for one, places in groups(seconds.bus):
-                self._add(self._frames, one, at[places], seconds.frames[places])
-                self._add(self._bits, one, at[places], seconds.bits[places])
+            self._frames.add(seconds.bus, at, seconds.frames)
+            self._bits.add(seconds.bus, at, seconds.bits)
         transfers = view.transfers
         known = transfers.t != NO_TIME
         t, key = transfers.t, transfers.bus.astype(np.int64) * _NODES + (transfers.src & 0x7F)
         if not known.all():
             t, key = t[known], key[known]
         if len(t):
-            at = self._steps(t)
-            for one, places in groups(key):
-                self._add(self._transfers, one, at[places])
+            self._transfers.add(key, self._steps(t), 1)
 
     def frames(self, bus: int) -> tuple[int, ...]:
         """Return frames of an interface in each step."""
@@ -72,22 +70,48 @@ class Course:
         found: Array = np.maximum((t - start) // self.step, 0)
         return found
 
-    def _add(self, series: dict[int, Array], key: int, at: Array, much: Array | None = None) -> None:
-        """Add to some steps, 1 each unless it is said how much."""
-        if key not in series and len(series) < MOST_KEYS:
-            series[key] = np.zeros(MOST_STEPS, np.int64)
-        if key in series:
-            low = int(at.min())
-            more = np.bincount(at - low, much).astype(np.int64)
-            series[key][low : low + len(more)] += more
-
-    def _series(self, series: dict[int, Array], key: int) -> tuple[int, ...]:
-        return tuple(series[key][: self._last + 1].tolist()) if key in series else ()
+    def _series(self, series: _Series, key: int) -> tuple[int, ...]:
+        return series.of(key)[: self._last + 1]
 
     def _double(self) -> None:
         self.step *= 2
         self._last //= 2
         for series in (self._frames, self._bits, self._transfers):
-            for key, counts in series.items():
-                halved = counts.reshape(-1, 2).sum(axis=1)
-                series[key] = np.concatenate((halved, np.zeros(MOST_STEPS - len(halved), np.int64)))
+            series.halve()
+
+
+class _Series:
+    """A number for each key and step; further keys than `MOST_KEYS` are left out."""
+
+    def __init__(self) -> None:
+        self._known = 0
+        self._row_of = np.full(_KEYS, -1, np.int64)
+        self._counts = np.zeros((0, MOST_STEPS), np.int64)
+
+    def add(self, keys: Array, at: Array, much: Array | int) -> None:
+        """Add so much to steps of keys."""
+        rows = self._row_of[keys]
+        if (rows < 0).any():
+            self._note(np.unique(keys[rows < 0])[: MOST_KEYS - self._known])
+            rows = self._row_of[keys]
+            known = rows >= 0
+            rows, at, much = rows[known], at[known], much if isinstance(much, int) else much[known]
+        np.add.at(self._counts.reshape(-1), rows * MOST_STEPS + at, much)
+
+    def of(self, key: int) -> tuple[int, ...]:
+        """Return the steps of a key, none of one that nobody has added to."""
+        row = self._row_of[key]
+        return tuple(self._counts[row].tolist()) if row >= 0 else ()
+
+    def halve(self) -> None:
+        """Let every two steps be one."""
+        halved = self._counts.reshape(len(self._counts), -1, 2).sum(axis=2)
+        self._counts[:] = np.pad(halved, ((0, 0), (0, MOST_STEPS - halved.shape[1])))
+
+    def _note(self, keys: Array) -> None:
+        self._row_of[keys] = np.arange(self._known, self._known + len(keys))
+        self._known += len(keys)
+        room = len(self._counts)
+        if self._known > room:
+            more = max(self._known - room, room)
+            self._counts = np.concatenate((self._counts, np.zeros((more, MOST_STEPS), np.int64)))

@@ -1,7 +1,8 @@
 //! Frames that are equal but for their tail bytes: told by one number each, and whether they came before.
 #![forbid(unsafe_code)]
 
-use std::collections::HashMap;
+use std::collections::hash_map::{HashMap, RandomState};
+use std::hash::{BuildHasher, Hasher};
 
 const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
 const WORD: usize = 8;
@@ -10,6 +11,43 @@ const ID: u8 = 31;
 /// many places of the sieve each of these gets. More take memory, with fewer too many other frames come through.
 const SIEVE: u32 = 20;
 const SPARSE: usize = 64;
+
+/// Places numbers that are mixed already: in another way each time, so that no capture can be made to slow it down.
+#[derive(Clone, Copy)]
+struct Seeded(u64);
+
+impl Seeded {
+    fn new() -> Self {
+        Seeded(RandomState::new().build_hasher().finish())
+    }
+}
+
+impl BuildHasher for Seeded {
+    type Hasher = Self;
+
+    fn build_hasher(&self) -> Self {
+        *self
+    }
+}
+
+impl Hasher for Seeded {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write_u64(&mut self, number: u64) {
+        let wide = u128::from(number ^ MIX) * u128::from(self.0 | 1);
+        self.0 = wide as u64 ^ (wide >> u64::BITS) as u64;
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_u64(byte.into());
+        }
+    }
+}
+
+type Places = HashMap<u64, Vec<u32>, Seeded>;
 
 /// Frames in columns; `offsets` says where the data field of each begins in `data`, one more than there are frames.
 #[derive(Debug)]
@@ -79,19 +117,20 @@ pub fn kinds(keys: &[u64], tails: &[i16], places: &[u32], limits: Limits) -> Opt
     let bits = (places.len() * SPARSE + 2).ilog2().min(SIEVE);
     let place_of = |key: u64| (key >> (u64::BITS - bits)) as usize;
     let mut sieve = vec![false; 1 << bits];
-    let mut alike: HashMap<u64, Vec<u32>> = HashMap::new();
-    let mut equal: HashMap<(u64, i16), Vec<u32>> = HashMap::new();
+    let seeded = Seeded::new();
+    let (mut alike, mut equal) = (Places::with_hasher(seeded), Places::with_hasher(seeded));
+    let with = |key, tail: i16| mixed(key, u64::from(tail as u16));
     for &place in places {
         let (&key, &tail) = (keys.get(place as usize)?, tails.get(place as usize)?);
         sieve[place_of(key)] = true;
         alike.entry(key).or_default();
-        equal.entry((key, tail)).or_default();
+        equal.entry(with(key, tail)).or_default();
     }
     for (place, (&key, &tail)) in (0..).zip(keys.iter().zip(tails)) {
         if sieve[place_of(key)] {
             if let Some(found) = alike.get_mut(&key) {
                 found.push(place);
-                if let Some(found) = equal.get_mut(&(key, tail)) {
+                if let Some(found) = equal.get_mut(&with(key, tail)) {
                     found.push(place);
                 }
             }
@@ -103,7 +142,7 @@ pub fn kinds(keys: &[u64], tails: &[i16], places: &[u32], limits: Limits) -> Opt
             let low = all.partition_point(|&one| one < place.saturating_sub(limits.look));
             (low, all.partition_point(|&one| one < place))
         };
-        let (low, high) = equal.get(&(key, tail)).map_or((0, 0), near);
+        let (low, high) = equal.get(&with(key, tail)).map_or((0, 0), near);
         if low == high {
             return Kind::New;
         }

@@ -2,6 +2,9 @@
 //! other closely.
 #![forbid(unsafe_code)]
 
+pub mod known;
+pub mod lacks;
+
 /// Senders that are told apart.
 const NODES: usize = 256;
 

@@ -4,11 +4,12 @@
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`], [`ending`] ->
 //! [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`], [`unpack`] ->
 //! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
-//! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`] which responses belong to which requests,
-//! [`joint`] where several senders lack some, [`alike`] which frames come again, [`load`] how long one takes, [`motor`]
-//! how an ESC compares with its own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of,
-//! [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or does
-//! I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
+//! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`]
+//! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which transfers
+//! did not come, [`alike`] which frames come again, [`load`] how long one takes, [`motor`] how an ESC compares with its
+//! own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of, [`rows`] writes the text of views, by
+//! templates, [`evidence`] frames of findings. None of them knows Python or does I/O, but for `receive`, which empties a
+//! socket of Linux; `python` is the only file that knows Python, `simd`,
 //! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
@@ -38,6 +39,7 @@ pub mod joint;
 pub mod line;
 pub mod link;
 pub mod load;
+pub mod losses;
 pub mod mcap;
 pub mod merge;
 pub mod motor;

@@ -6,6 +6,7 @@
 
 mod block;
 pub mod column;
+pub mod ipc;
 mod row;
 
 use crate::bits::{inside, Span};

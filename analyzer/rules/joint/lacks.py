@@ -2,59 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import (
-    CODE_BITS,
-    MOST_SESSIONS,
-    Session,
-    bus_frames,
-    first_rows,
-    node_of,
-    of_responses,
-    of_service,
-)
-from analyzer.rules.joint.lack_rows import LATEST, UNASKED, LackRows, compared
+from analyzer import _native
+from analyzer.decode.sent import cells
+from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, node_of
+from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
-from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
-from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
-    from analyzer.rules.bus.sessions import BusFrames
-    from dissectors.kit import Array, FrameTable, View
+    from dissectors.kit import Array, View
 
-_COMPLETE = STATUSES.index("ok")
-_KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
-_MOST_KNOWN = 1 << 16  # sessions that are, or may become so: every node may ask every other one for every service
-_MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
 _REACH = SETTLED + LONGEST + WIDEST  # what is missing before may not be joint with what is missing now
-_NEVER = np.iinfo(np.int64).max
-_HABIT = 4  # one of so many requests may have an odd ID; of tools that count otherwise more have
-_FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
-_TAILS = np.arange(256)
-# What the tail byte behind each one should have of `_FOLLOWS`.
-_WANTED = np.where(
-    _TAILS & TAIL_END != 0, TAIL_START | (_TAILS + 1) & TAIL_ID, _TAILS & TAIL_ID | ~_TAILS & TAIL_TOGGLE
-).astype(np.uint8)
-
-
-class _Frames(NamedTuple):
-    """Frames of a session: tail bytes, times, numbers and places."""
-
-    tail: Array
-    t: Array
-    number: Array
-    place: Array
-
-
-class _Wanted(NamedTuple):
-    """Frames, and what each one should have of `_FOLLOWS` in its tail byte."""
-
-    frames: _Frames
-    wanted: Array
 
 
 class Lacks:
@@ -65,189 +26,28 @@ class Lacks:
     """
 
     def __init__(self) -> None:
-        # The last frame of each session, how many did not follow the one before as they should, transfers begun.
-        last = {"tail": 0, "t": NO_TIME, "number": -1, "place": -1, "odd": 0, "begun": 0}
-        self._last = KeyedRows({**last, **LATEST}, MOST_SESSIONS)
-        self._heard: dict[int, int] = {}  # frames by bus
-        self._since: dict[int, int] = {}  # its first frame
-        self._senders: dict[int, set[int]] = {}  # the nodes that were heard
-        self._complete: set[int] = set()  # codes of sessions of which one transfer is not enough to be known
-        self._known = KeyedRows({"since": _NEVER}, _MOST_KNOWN)  # when each one became known
-        self.news = self._known.keys  # those that did with the batch that was fed last
-        self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
+        self._native = _native.Lacks(MOST_SESSIONS, FEW, WINDOW, WIDEST, _REACH)
 
     def feed(self, view: View) -> tuple[LackRows, Array]:
         """Add a batch; return what is missing, in the order of the frames behind it.
 
         What was missing before is void now where the frame behind it is one of those that are returned, too.
         """
-        frames, self.news = view.frames, self.news[:0]
-        if not self._all_known(frames) or not view.transfers.src.all():
-            self._prove(view)
-        errors = bool((frames.flags & ERROR).any())
-        found: list[LackRows] = []
-        for bus, ours in bus_frames(frames).items():
-            base = self._heard.get(bus, 0)
-            if not base:
-                self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
-            self._heard[bus] = base + len(ours.row)
-            self._senders.setdefault(bus, set()).update(ours.nodes.node.tolist())
-            some = np.flatnonzero(~ours.beyond(np.arange(len(ours.codes)), self._last, first=self._known))
-            codes = ours.codes[some]
-            new = self._last.find(codes) < 0
-            self._last.add(codes)
-            tails = self._last.look_up("tail", codes)
-            odd = _odd(ours)[some] | _odd_behind(tails, ours.tail[ours.first[some]])
-            looked = odd | new | errors
-            self._pass_over(frames, ours, some[~looked], base)
-            found.append(self._follow(frames, ours, some[looked], base))
-        rows = LackRows.joined(found)
-        return compared(rows.take(np.argsort(rows.place_behind, kind="stable")), self._last)
-
-    def _pass_over(self, frames: FrameTable, ours: BusFrames, some: Array, base: int) -> None:
-        """Note the last frames of sessions in which each follows the one before it."""
-        if not len(some):
-            return
-        codes = ours.codes[some]
-        end = _frames(frames, ours, ours.first[some + 1] - 1, base)
-        begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64)[some]
-        self._last.set(codes, **end._asdict(), begun=self._last.look_up("begun", codes) + begun)
+        by_bus = bus_frames(view.frames)
+        if any(self._native.open(ours.codes) for ours in by_bus.values()) or not view.transfers.src.all():
+            self._native.prove(view.transfers, lambda code: view.type_of(code) is not None)
+        for bus, ours in by_bus.items():
+            self._native.feed(bus, ours, view.frames)
+        (columns, void), gone = self._native.take()
+        session, *more = (cells(column, np.int64) for column in columns)
+        seen = np.full(len(session), UNASKED, np.uint8)
+        rows = LackRows._make((session, node_of(session), *more, cells(void, np.bool_), seen))
+        return rows, cells(gone, np.int64)
 
     def known(self, lacks: LackRows, within: int) -> Array:
         """Return whether the sessions were known to be DroneCAN's up to a time after each."""
-        found: Array = self._known.look_up("since", lacks.session) <= lacks.until + within
-        return found
+        return cells(self._native.known(lacks.session, lacks.until, within), np.bool_)
 
-    def _all_known(self, frames: FrameTable) -> bool:
-        """Return whether every session that was heard is known: then transfers prove nothing new."""
-        if not self._last.room or not self._known.has(self._last.keys).all():
-            return False
-        return all(self._known.has(ours.codes).all() for ours in bus_frames(frames).values())
-
-    def _prove(self, view: View) -> None:
-        """Note when sessions became known; types that have no definition come out late, and prove nothing."""
-        t = view.transfers
-        good = (t.status == _COMPLETE) & (t.t_end != NO_TIME)
-        codes, rows = first_rows(t, good, _KNOWN_BY, services=True)
-        types, which = np.unique(t.code[rows], return_inverse=True)
-        defined = np.array([view.type_of(code) is not None for code in types.tolist()], bool)
-        new = np.flatnonzero(defined[which] & ~self._known.has(codes))
-        proved: dict[int, int] = {}
-        for code, at in zip(codes[new].tolist(), t.t_end[rows[new]].tolist(), strict=True):
-            if code in proved:
-                continue
-            if code in self._complete:
-                self._complete.remove(code)
-                proved[code] = at
-            elif len(self._complete) < _MOST_KNOWN:
-                self._complete.add(code)
-        self.news = np.array([*proved], np.int64)
-        self._known.add(self.news, since=np.array([*proved.values()], np.int64))
-        for session, at in ((Session.of(code), at) for code, at in proved.items()):
-            if not session.of_service:
-                nodes = self.nodes.setdefault(session.bus, {})
-                nodes[session.node] = min(nodes.get(session.node, at), at)
-
-    def _follow(self, frames: FrameTable, ours: BusFrames, some: Array, base: int) -> LackRows:
-        """Look at each frame of some sessions of a bus; `base` are the frames of the bus before the batch."""
-        which, own = _of_sessions(frames, ours, some, base)
-        if not len(own.tail):
-            return LackRows.none()
-        first = np.flatnonzero(np.diff(which, prepend=-1))
-        codes = ours.codes[some[which[first]]]
-        rows = self._last.find(codes)
-        last = {name: self._last.get(name, rows) for name in (*_Frames._fields, "odd", "begun")}
-        group = np.repeat(np.arange(len(codes)), np.diff(first, append=len(which)))
-
-        def summed(mask: Array, before: Array) -> Array:
-            """Return how many there are up to each frame of a session, on top of those before the batch."""
-            sums = np.cumsum(mask)
-            total: Array = sums + (before - (sums[first] - mask[first]))[group]
-            return total
-
-        tail = np.empty_like(own.tail)
-        tail[1:] = own.tail[:-1]
-        tail[first] = last["tail"]
-        wanted = _WANTED[tail]
-        odd = _odd_behind(tail, own.tail)
-        odd[first] &= last["number"] >= 0
-        odd &= (own.t >= self._known.look_up("since", codes)[group]) | (summed(odd, last["odd"]) <= _MOST_UNKNOWN)
-        odd &= (tail & TAIL_END == 0) | (own.tail & _FOLLOWS != TAIL_START)
-        starts = own.tail & TAIL_START != 0
-        begins, count = summed(starts, last["begun"]), summed(odd, last["odd"])
-        odd &= (_HABIT * count <= begins) | ~of_service(codes)[group]
-        odd &= (tail & TAIL_END == 0) | ~starts | ~of_responses(codes)[group]
-        lacks = np.flatnonzero(odd)
-        bus = int(codes[0]) >> CODE_BITS
-        if len(lacks) and len(self._senders[bus]) == 1 and ours.forward:
-            lacks = self._near_end(lacks, codes[group[lacks]], _Wanted(own, wanted), int(frames.t.max()))
-        before = {name: np.roll(getattr(own, name), 1) for name in ("t", "number", "place")}
-        for name, column in before.items():
-            column[first] = last[name]
-        mine = _Frames(*(column[lacks] for column in own))
-        each = np.maximum(mine.t - self._since[bus], 0) // mine.place
-        code = codes[group[lacks]]
-        none = np.full(len(lacks), -1)
-        ends = np.append(first[1:], len(which)) - 1
-        self._last.set(codes, **{name: column[ends] for name, column in own._asdict().items()},
-                       odd=count[ends], begun=begins[ends])  # fmt: skip
-        return LackRows(
-            code, node_of(code), before["number"][lacks], mine.number, before["t"][lacks], mine.t,
-            before["place"][lacks], mine.place, (mine.tail & _FOLLOWS).astype(np.int64),
-            wanted[lacks].astype(np.int64), np.clip(FEW * each, WINDOW, WIDEST), none, np.zeros(len(lacks), bool),
-            np.full(len(lacks), UNASKED, np.uint8),
-        )  # fmt: skip
-
-    def _near_end(self, rows: Array, codes: Array, own: _Wanted, end: int) -> Array:
-        """Leave out of what the only sender of a bus lacks what no later one can lack together with it.
-
-        Where frames may have come in another order nothing is left out.
-
-        Args:
-            rows: of frames behind which something is missing.
-            codes: of their sessions.
-            own: the frames.
-            end: the time of the last frame.
-        """
-        tail, wanted = own.frames.tail[rows] & _FOLLOWS, own.wanted[rows]
-        first = np.flatnonzero(np.diff(codes, prepend=-1))
-        sessions = codes[first]
-        again = np.append(tail[1:] == wanted[:-1], False)
-        again[first[1:] - 1] = False
-        keep = own.frames.t[rows] >= end - _REACH
-        keep[:-1] |= keep[1:]
-        whole = np.logical_or.reduceat(again, first) | (self._last.look_up("void", sessions) != 0)
-        whole |= self._last.look_up("wanted", sessions) == tail[first]
-        keep |= np.repeat(whole, np.diff(first, append=len(rows)))
-        forget = sessions[~np.logical_and.reduceat(keep, first)]
-        self._last.set(forget, **{name: np.full(len(forget), none) for name, none in LATEST.items()})
-        return rows[keep]
-
-
-def _frames(frames: FrameTable, ours: BusFrames, mine: Array, base: int) -> _Frames:
-    """Return frames of sessions; `base` are those of the bus before the batch."""
-    rows = ours.row[mine]
-    return _Frames(ours.tail[mine], frames.t[rows], rows + frames.first, ours.place[mine] + base)
-
-
-def _of_sessions(frames: FrameTable, ours: BusFrames, some: Array, base: int) -> tuple[Array, _Frames]:
-    """Return frames of some sessions that are no error frames, and which of the sessions each is of."""
-    begins, counts = ours.first[some], np.diff(ours.first)[some]
-    which = np.repeat(np.arange(len(some)), counts)
-    mine = np.arange(len(which)) + (begins - (np.cumsum(counts) - counts))[which]
-    good = frames.flags[ours.row[mine]] & ERROR == 0
-    return which[good], _frames(frames, ours, mine[good], base)
-
-
-def _odd(ours: BusFrames) -> Array:
-    """Return of which sessions there are frames that do not follow the one before them in the batch."""
-    odd = _odd_behind(ours.tail[:-1], ours.tail[1:])
-    odd[ours.first[1:-1] - 1] = False
-    found = np.zeros(len(ours.codes), bool)
-    found[np.searchsorted(ours.first, np.flatnonzero(odd), "right") - 1] = True
-    return found
-
-
-def _odd_behind(before: Any, tail: Any) -> Any:
-    """Return which tail bytes do not follow those before them, nor repeat them."""
-    return (tail & _FOLLOWS != _WANTED[before]) & (tail != before)
+    def nodes(self, bus: int) -> Array:
+        """Return when each node of a bus that sends messages became known, in the order of these times."""
+        return cells(self._native.nodes(bus), np.int64)

@@ -35,11 +35,10 @@ _MOST = 1 << 17  # that are waited for
 
 
 class _Waiting(NamedTuple):
-    """The lacks of one bus, which of them have been told, and of which the session is known to be DroneCAN's."""
+    """The lacks of one bus, and which of them have been told."""
 
     lacks: LackRows
     told: Array
-    known: Array
 
 
 class _Joint(NamedTuple):
@@ -78,11 +77,7 @@ class JointLossSearch:
 
     def _wait(self, new: LackRows, gone: Array) -> None:
         """Add what is missing; `gone` are frames behind which nothing is missing after all."""
-        buses, news = new.session >> CODE_BITS, self._lacks.news
-        for bus, (lacks, told, known) in self._open.items() if len(news) else ():
-            asked = np.flatnonzero(np.isin(lacks.session, news) & ~known)
-            known[asked] = self._lacks.known(lacks.take(asked), WIDEST)
-            self._open[bus] = _Waiting(lacks, told, known)
+        buses = new.session >> CODE_BITS
         for bus, waiting in self._open.items() if len(gone) else ():
             lacks = waiting.lacks
             self._open[bus] = waiting._replace(lacks=lacks._replace(void=lacks.void | np.isin(lacks.behind, gone)))
@@ -90,31 +85,28 @@ class JointLossSearch:
             ours = new.take(np.flatnonzero(buses == bus))
             since, took = self._silences.shorten(bus, ours.since, ours.until)
             ours = ours._replace(since=since).take(np.flatnonzero(took <= LONGEST))
-            none = np.zeros(0, bool)
-            waiting = self._open.get(bus, _Waiting(LackRows.none(), none, none))
+            waiting = self._open.get(bus, _Waiting(LackRows.none(), np.zeros(0, bool)))
             ours = ours.take(np.arange(min(len(ours.since), max(_MOST - len(waiting.told), 0))))
             told = np.append(waiting.told, np.zeros(len(ours.since), bool))
-            known = np.append(waiting.known, self._lacks.known(ours, WIDEST))
-            self._open[bus] = _Waiting(LackRows.joined([waiting.lacks, ours]), told, known)
+            self._open[bus] = _Waiting(LackRows.joined([waiting.lacks, ours]), told)
 
     def _settle(self, view: View, now: int | None) -> JointLosses:
         found: list[JointLosses] = []
-        for bus, (lacks, before, known) in self._open.items():
+        for bus, (lacks, before) in self._open.items():
             until = lacks.until
             due = ~before if now is None else ~before & (until <= now)
             if not due.any():
                 continue
             told = before | due
-            found += self._told(view, bus, lacks, (due, known))
+            found += self._told(view, bus, lacks, due)
             if now is not None:
                 late = _together(np.flatnonzero(until > now - SETTLED))
-                self._open[bus] = _Waiting(lacks.take(late), told[late], known[late])
+                self._open[bus] = _Waiting(lacks.take(late), told[late])
         return _joined(found)
 
-    def _told(self, view: View, bus: int, lacks: LackRows, masks: tuple[Array, Array]) -> Iterator[JointLosses]:
-        """Yield what is joint of those that are due, among those of sessions that are known."""
-        due, known = masks
-        fit = known & ~lacks.void
+    def _told(self, view: View, bus: int, lacks: LackRows, due: Array) -> Iterator[JointLosses]:
+        """Yield what is joint of those that are due."""
+        fit = self._lacks.known(lacks, WIDEST) & ~lacks.void
         joint = self._joint(bus, lacks, np.flatnonzero(fit))
         again = self._repeats.among(lacks, joint.which)
         if again.any():
@@ -142,8 +134,7 @@ class JointLossSearch:
         )
         found = joint((since, until, place, behind, window, lacks.node[some].astype(np.uint8)), APART, NEARBY)
         of, near, begun, ended = (cells(column, np.int64) for column in found)
-        known = np.sort(np.fromiter(self._lacks.nodes.get(bus, {}).values(), np.int64))
-        senders = np.searchsorted(known, (until + window)[of], "right")
+        senders = np.searchsorted(self._lacks.nodes(bus), (until + window)[of], "right")
         enough = near >= np.clip(senders, 2, ENOUGH)
         return _Joint(some[of[enough]], near[enough], begun[enough], ended[enough])
 

@@ -41,10 +41,6 @@ impl Cells {
         Bound::new(py, Cells(Box::new(Own(column))))
     }
 
-    pub fn bytes(&self) -> &[u8] {
-        self.0.bytes()
-    }
-
     /// A column of a table that others look at, too.
     pub fn part<'py, O: Send + Sync + 'static>(
         py: Python<'py>,

@@ -13,11 +13,11 @@ use crate::decoder::number::Linear;
 use crate::decoder::packet::{context, Order, Wrap};
 use crate::decoder::unwrap::Unwrapper;
 use crate::plan::{Plan, Token};
-use crate::unpack::column::{Column, Flat};
+use crate::unpack::column::Column;
+use crate::unpack::ipc::record_batch;
 
-type Given<'py> = Option<Bound<'py, Cells>>;
-/// The columns of a table in preorder: rows, validity, values or offsets, letters of texts.
-pub type Table<'py> = Vec<(usize, Given<'py>, Given<'py>, Given<'py>)>;
+/// A table as a message of Arrow's IPC format.
+pub type Table<'py> = PyResult<Bound<'py, Cells>>;
 /// Times, by, plus.
 type Steps = (f64, f64, f64);
 
@@ -29,10 +29,8 @@ fn linear((times, by, plus): Steps) -> Linear {
     Linear { times, by, plus }
 }
 
-pub fn handed_over(py: Python<'_>, columns: Vec<Column>) -> PyResult<Table<'_>> {
-    let own = |buffer: Option<Vec<u8>>| buffer.map(|bytes| Cells::own(py, bytes)).transpose();
-    let give = |flat: Flat| Ok((flat.len, own(flat.validity)?, own(flat.buffer)?, own(flat.letters)?));
-    columns.into_iter().flat_map(Column::flatten).map(give).collect()
+pub fn handed_over(py: Python<'_>, columns: impl FnOnce() -> Vec<Column> + Send) -> Table<'_> {
+    Cells::own(py, py.detach(|| record_batch(columns())))
 }
 
 #[pymethods]
@@ -161,9 +159,8 @@ impl Decoder {
     }
 
     /// The table of a group; the batch begins with transfer `first` of the capture.
-    fn table<'py>(&self, py: Python<'py>, group: &Group, first: u64) -> PyResult<Table<'py>> {
-        let columns = py.detach(|| self.0.table(&group.0, first));
-        handed_over(py, columns)
+    fn table<'py>(&self, py: Python<'py>, group: &Group, first: u64) -> Table<'py> {
+        handed_over(py, || self.0.table(&group.0, first))
     }
 
     /// The table of packets; `order` says of each, a byte a row, whether it is big-endian, and whether that is decided.
@@ -173,16 +170,14 @@ impl Decoder {
         rows: &PacketRows,
         order: Option<(&[u8], &[u8])>,
         counters: &mut Counters,
-    ) -> PyResult<Table<'py>> {
+    ) -> Table<'py> {
         let order = order.map(|(big, decided)| Order { big, decided });
-        let columns = py.detach(|| self.0.packets(&rows.0, order, &mut counters.0));
-        handed_over(py, columns)
+        handed_over(py, || self.0.packets(&rows.0, order, &mut counters.0))
     }
 
     /// The fields of packets, all read in one byte order.
-    fn packet_fields<'py>(&self, py: Python<'py>, rows: &PacketRows, big: bool) -> PyResult<Table<'py>> {
-        let columns = py.detach(|| self.0.packet_fields(&rows.0, big));
-        handed_over(py, columns)
+    fn packet_fields<'py>(&self, py: Python<'py>, rows: &PacketRows, big: bool) -> Table<'py> {
+        handed_over(py, || self.0.packet_fields(&rows.0, big))
     }
 }
 
@@ -201,6 +196,6 @@ impl Counters {
 
 /// The table of bytes that are no packet.
 #[pyfunction]
-pub fn unrecognized<'py>(py: Python<'py>, rows: &PacketRows) -> PyResult<Table<'py>> {
-    handed_over(py, context(&rows.0))
+pub fn unrecognized<'py>(py: Python<'py>, rows: &PacketRows) -> Table<'py> {
+    handed_over(py, || context(&rows.0))
 }

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use bytemuck::cast_slice;
+use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
-use super::buffer::{aligned, Cells};
+use super::buffer::{aligned, Cells, Lent};
 use super::group::Group;
 use crate::bits::spans;
 use crate::packets::cut::{cut, Cut};
@@ -54,10 +56,11 @@ impl Packets {
         own: usize,
         carriers: &Group,
         first: u64,
-        offsets: &Bound<'_, Cells>,
-        data: &Bound<'_, Cells>,
-    ) -> Vec<PacketRows> {
-        let (offsets, data) = (offsets.get().bytes(), data.get().bytes());
+        offsets: PyBuffer<i8>,
+        data: PyBuffer<i8>,
+    ) -> PyResult<Vec<PacketRows>> {
+        let (offsets, data) = (Lent::of(py, offsets)?, Lent::of(py, data)?);
+        let (offsets, data): (&[u8], &[u8]) = (cast_slice(&offsets), cast_slice(&data));
         let tables = py.detach(|| {
             let ends: Vec<i32> = offsets
                 .as_chunks()
@@ -76,7 +79,7 @@ impl Packets {
             let steps = self.counter.steps(&self.families, &found, &senders, data);
             cut(&found, &steps, data, &Arc::new(carriers.0.clone()), first)
         });
-        tables.into_iter().map(PacketRows).collect()
+        Ok(tables.into_iter().map(PacketRows).collect())
     }
 }
 
