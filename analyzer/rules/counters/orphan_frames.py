@@ -40,7 +40,7 @@ class OrphanFrames:
         self._add(f.bus[rows].astype(np.int64) << 32 | bits, f.first + rows, f.t[rows], f.tail[rows])
 
     def _add(self, session: Array, number: Array, t: Array, tail: Array) -> None:
-        self.index.add(session, number, t, tail & np.uint8(TAIL_ID))
+        self.index.add(session, number, t, (tail & TAIL_ID).astype(np.uint8))
 
 
 def _is_astray(verdict: Array) -> Array:
