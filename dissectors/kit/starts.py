@@ -13,7 +13,7 @@ from dissectors.kit.rows import usable
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from dissectors.kit.tables import DecodedTable
+    from dissectors.kit.decoded import DecodedTable
     from dissectors.kit.view import View
 
 _MOST = 4096
