@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,20 +13,18 @@ from analyzer.rules.bus.sessions import (
     MOST_SESSIONS,
     Session,
     bus_frames,
-    first_rows,
     node_of,
-    of_responses,
-    of_service,
 )
 from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
-from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
+from analyzer.tables import ERROR, KINDS, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME, by_key
 
 if TYPE_CHECKING:
     from analyzer.rules.bus.sessions import BusFrames
-    from dissectors.kit import Array, FrameTable, View
+    from dissectors.kit import Array, FrameTable, TransferTable, View
 
+_SERVICE, _ASKS = 1 << 16, 1 << 7  # of the type ID in the code of a session
 _COMPLETE = STATUSES.index("ok")
 _KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
 _MOST_KNOWN = 1 << 16  # sessions that are, or may become so: every node may ask every other one for every service
@@ -58,6 +57,42 @@ class _Wanted(NamedTuple):
 
     frames: _Frames
     wanted: Array
+
+
+def _first_rows(t: TransferTable, good: Array, most: int) -> tuple[Array, Array]:
+    """Return the first good rows of each session, at most so many, and in front of them the codes of the sessions."""
+    count, found = Counter[int](), []
+    for row in np.flatnonzero(good).tolist():
+        kind, type_id = KINDS[t.kind[row]], int(t.type_id[row])
+        if kind in ("request", "response"):
+            type_id = _SERVICE | type_id << 8 | (kind == "request") * _ASKS | int(t.dst[row])
+        elif kind != "message":
+            continue
+        code = Session(int(t.bus[row]), int(t.src[row]), type_id).code
+        count[code] += 1
+        if count[code] <= most:
+            found.append((code, row))
+    codes, rows = np.array(found, np.int64).reshape(-1, 2).T
+    return codes, rows
+
+
+def _of_service(codes: Array) -> Array:
+    found: Array = codes & _SERVICE != 0
+    return found
+
+
+def _of_responses(codes: Array) -> Array:
+    found: Array = codes & (_SERVICE | _ASKS) == _SERVICE
+    return found
+
+
+def _beyond(ours: BusFrames, held: KeyedRows, first: KeyedRows) -> Array:
+    """Return a mask of the sessions without room: those of `first` go first, then those that were heard first."""
+    found: Array = ~held.has(ours.codes)
+    new = np.flatnonzero(found)
+    new = new[np.lexsort((ours.place[ours.first[new]], ~first.has(ours.codes[new])))]
+    found[new[: held.room]] = False
+    return found
 
 
 class LacksInColumns:
@@ -94,7 +129,7 @@ class LacksInColumns:
                 self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
             self._heard[bus] = base + len(ours.row)
             self._senders.setdefault(bus, set()).update(ours.nodes.node.tolist())
-            some = np.flatnonzero(~ours.beyond(np.arange(len(ours.codes)), self._last, first=self._known))
+            some = np.flatnonzero(~_beyond(ours, self._last, self._known))
             codes = ours.codes[some]
             new = self._last.find(codes) < 0
             self._last.add(codes)
@@ -130,7 +165,7 @@ class LacksInColumns:
         """Note when sessions became known; types that have no definition come out late, and prove nothing."""
         t = view.transfers
         good = (t.status == _COMPLETE) & (t.t_end != NO_TIME)
-        codes, rows = first_rows(t, good, _KNOWN_BY, services=True)
+        codes, rows = _first_rows(t, good, _KNOWN_BY)
         types, which = np.unique(t.code[rows], return_inverse=True)
         defined = np.array([view.type_of(code) is not None for code in types.tolist()], bool)
         new = np.flatnonzero(defined[which] & ~self._known.has(codes))
@@ -176,8 +211,8 @@ class LacksInColumns:
         odd &= (tail & TAIL_END == 0) | (own.tail & _FOLLOWS != TAIL_START)
         starts = own.tail & TAIL_START != 0
         begins, count = summed(starts, last["begun"]), summed(odd, last["odd"])
-        odd &= (_HABIT * count <= begins) | ~of_service(codes)[group]
-        odd &= (tail & TAIL_END == 0) | ~starts | ~of_responses(codes)[group]
+        odd &= (_HABIT * count <= begins) | ~_of_service(codes)[group]
+        odd &= (tail & TAIL_END == 0) | ~starts | ~_of_responses(codes)[group]
         lacks = np.flatnonzero(odd)
         bus = int(codes[0]) >> CODE_BITS
         if len(lacks) and len(self._senders[bus]) == 1 and ours.forward:

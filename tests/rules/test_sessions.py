@@ -129,26 +129,17 @@ def _messages(rows: list[tuple[int, int, int, int, bool]]) -> Iterator[tuple[Ses
             yield Session(bus, src, type_id), k
 
 
-@given(st.lists(kinds, max_size=40), st.integers(1, 2), st.booleans())
-def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int, services: bool) -> None:
+@given(st.lists(kinds, max_size=40))
+def test_first_transfers(rows: list[tuple[int, int, int, int, bool]]) -> None:
     names = {"kind": 0, "type_id": 1, "src": 2, "bus": 3}
     columns: dict[str, list[object]] = {field.name: [None] * len(rows) if field.nullable else [] for field in TRANSFERS}
     columns |= {name: [one[at] for one in rows] for name, at in names.items()}
-    columns["dst"] = [7] * len(rows)
     batch = pa.RecordBatch.from_pydict(columns, schema=TRANSFERS)
-    good = np.array([one[4] for one in rows], bool)
-    wanted = {"message": 0, **({"request": 0x10087, "response": 0x10007} if services else {})}
-    count: dict[Session, int] = {}
-    expected = []
-    for k, (kind, type_id, src, bus, fine) in enumerate(rows):
-        if fine and KINDS[kind] in wanted:
-            own = type_id if KINDS[kind] == "message" else wanted[KINDS[kind]] | type_id << 8
-            session = Session(bus, src, own)
-            count[session] = count.get(session, 0) + 1
-            if count[session] <= most:
-                expected.append((session, k))
-    codes, found = first_rows(TransferTable(batch), good, most, services=services)
-    assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == expected
+    expected = dict(reversed([*_messages(rows)]))
+    codes, found = first_rows(TransferTable(batch))
+    assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == sorted(
+        expected.items(), key=lambda one: one[1]
+    )
 
 
 def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,12 +158,11 @@ def test_there_is_room_for_what_is_known_and_was_heard_first() -> None:
     ((_, ours),) = bus_frames(tables(rows, 4)[0]).items()
     every = np.arange(3)
 
-    def beyond(most: int, *held: int, first: KeyedRows | None = None) -> list[int]:
-        return ours.codes[ours.beyond(every, some_keys(most, *held), first)].tolist()
+    def beyond(most: int, *held: int) -> list[int]:
+        return ours.codes[ours.beyond(every, some_keys(most, *held))].tolist()
 
     assert ours.codes[0] != first  # whose node comes last
     assert beyond(2) == [known]
-    assert beyond(2, first=some_keys(1, known)) == [late]
     assert beyond(2, known) == [late]
     assert beyond(3) == []
 

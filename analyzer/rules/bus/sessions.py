@@ -26,7 +26,7 @@ _NODE = 0x7F
 CODE_BITS = 24  # below the bus
 _ROW_BITS = 40
 _ROW = (1 << _ROW_BITS) - 1
-_MESSAGE, _REQUEST, _RESPONSE = (KINDS.index(name) for name in ("message", "request", "response"))
+_MESSAGE = KINDS.index("message")
 
 
 class Session(NamedTuple):
@@ -118,17 +118,16 @@ class BusFrames:
             np.minimum.reduceat(self.row[first[:-1]], begins), np.maximum.reduceat(self.row[first[1:] - 1], begins),
         )  # fmt: skip
 
-    def beyond(self, some: Array, held: KeyedRows, first: KeyedRows | None = None) -> Array:
+    def beyond(self, some: Array, held: KeyedRows) -> Array:
         """Return a mask of the sessions, by their places, that there is no room for beside the ones that are `held`.
 
-        Those of `first` go first, then those that were heard first, whatever their nodes and types are.
+        Those that were heard first go first, whatever their nodes and types are.
         """
         codes = self.codes[some]
         found: Array = ~held.has(codes)
         new = np.flatnonzero(found)
         if len(new) > held.room:
-            late = np.zeros(len(new), bool) if first is None else ~first.has(codes[new])
-            new = new[np.lexsort((self.place[self.first[some[new]]], late))]
+            new = new[np.argsort(self.place[self.first[some[new]]], kind="stable")]
         found[new[: held.room]] = False
         return found
 
@@ -199,28 +198,16 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
     return found
 
 
-def first_rows(
-    t: TransferTable, good: Array | None = None, most: int = 1, *, services: bool = False
-) -> tuple[Array, Array]:
-    """Return the first rows of each session, at most so many, as they follow each other: messages that are `good`.
+def first_rows(t: TransferTable) -> tuple[Array, Array]:
+    """Return the first row of each session of messages, as they follow each other.
 
-    In front of them are the codes of their sessions. They prove that a session is DroneCAN's, and no other protocol's.
-    Requests and responses are in sessions, too, if `services` are wanted.
+    In front of them are the codes of their sessions.
     """
-    wanted = t.kind == _MESSAGE
-    if services:
-        wanted = wanted | (t.kind == _REQUEST) | (t.kind == _RESPONSE)
-    rows = np.flatnonzero(wanted if good is None else wanted & good)
-    kind, type_id = t.kind[rows], t.type_id[rows].astype(np.uint32)
-    key = type_id << 1
-    if services:
-        asked = type_id << 9 | (kind == _REQUEST) * np.uint32(_ASKS << 1) | t.dst[rows].astype(np.uint32) << 1 | 1
-        key = np.where(kind == _MESSAGE, key, asked)
-    keys = (t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE) << _KEY_BITS | key
+    rows = np.flatnonzero(t.kind == _MESSAGE)
+    sender = t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE
+    keys = sender << _KEY_BITS | t.type_id[rows].astype(np.uint32) << 1
     order, first = grouped(keys)
-    places = first[:, None] + np.arange(most)
-    some = order[places[places < np.append(first[1:], len(order))[:, None]]]
-    some.sort()
+    some = np.sort(order[first])
     one = keys[some].astype(np.int64)
     return _codes(one >> _KEY_BITS + 7, one >> _KEY_BITS & _NODE, one & _KEY), rows[some]
 
@@ -228,18 +215,6 @@ def first_rows(
 def node_of(codes: Array) -> Array:
     """Return the nodes of sessions by their codes."""
     found: Array = codes >> _KEY_BITS & _NODE
-    return found
-
-
-def of_service(codes: Array) -> Array:
-    """Return a mask of the sessions that are requests or answers."""
-    found: Array = codes & _SERVICE != 0
-    return found
-
-
-def of_responses(codes: Array) -> Array:
-    """Return a mask of the sessions that are answers."""
-    found: Array = codes & (_SERVICE | _ASKS) == _SERVICE
     return found
 
 
