@@ -22,7 +22,7 @@ _EVERY_NODE = -1
 
 
 class _Uptimes(NamedTuple):
-    """What nodes tell in a batch, in the order in which they are heard: the first uptime of each and the last one.
+    """Uptimes that nodes tell in a batch, in the order in which they are heard: the first of each and the last one.
 
     `row` is where the first one stands, `fell` where one is lower than the one of that node before.
     """

@@ -180,7 +180,7 @@ class LacksInColumns:
                 self._complete.add(code)
         self._known.add(np.array([*proved], np.int64), since=np.array([*proved.values()], np.int64))
         for session, at in ((Session.of(code), at) for code, at in proved.items()):
-            if not session.of_service:
+            if not session.type_id & _SERVICE:
                 nodes = self.nodes.setdefault(session.bus, {})
                 nodes[session.node] = min(nodes.get(session.node, at), at)
 

@@ -110,7 +110,7 @@ def test_transfers_begin(rows: list[Heard], step: int) -> None:
     for k, one in enumerate(rows):
         session, tail = session_of(one), one[3][-1]
         ended, before, lost = last.get(session, (True, -1, 0))
-        if session.of_service:
+        if session.type_id >> 16:
             continue
         if ended or tail & TAIL_START:
             lost += max((tail - before) % 32 - 1, 0) if before >= 0 else 0

@@ -46,11 +46,6 @@ class Session(NamedTuple):
         """Return one by its code."""
         return cls(code >> CODE_BITS, code >> _KEY_BITS & _NODE, code & _TYPE)
 
-    @property
-    def of_service(self) -> bool:
-        """Return whether these are requests or answers."""
-        return bool(self.type_id & _SERVICE)
-
 
 class NodeRows(NamedTuple):
     """Nodes in a batch: where the frames of each begin and end by session, its first and its last row.

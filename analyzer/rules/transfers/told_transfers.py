@@ -1,4 +1,4 @@
-"""What is said of broken transfers, many at once."""
+"""Statements about broken transfers, told many at once."""
 
 from __future__ import annotations
 
