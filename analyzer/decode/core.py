@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     AskedSessions = Callable[[int, int, int, int], bool]
 
 BATCH_ROWS = 1 << 17
-# A batch is half as long where more than one of so many frames is no part of a transfer: such rows take more room.
+# A batch is half as long where more than one of so many frames has another verdict: such rows take more room.
 _MOST_LOOSE = 32
 _AT_HOME = [VERDICTS.index("used"), VERDICTS.index("foreign")]
 # The lines of a capture and the terms of their sum.
@@ -81,12 +81,12 @@ class Core:
     def __init__(self, registry: Registry, sessions: AskedSessions | None = None) -> None:
         self.measured = False
         self._native = _native.Pipeline(registry.signatures, sessions)
-        self._loose = 0  # frames before this piece that are part of no transfer, but should be
+        self._loose = 0  # frames before this piece that have another verdict
 
     def feed(self, chunk: bytes | FrameBatch) -> Iterator[Piece]:
         """Take text, cut anywhere, or the rows of a reader; yield a piece for about every `BATCH_ROWS` rows.
 
-        It is half as many where many frames are part of no transfer.
+        It is half as many where many frames are neither used nor foreign.
         """
         at: int | None = 0
         while at is not None:

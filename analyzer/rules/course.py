@@ -105,7 +105,7 @@ class _Series:
 
     def halve(self) -> None:
         """Let every two steps be one."""
-        halved = self._counts.reshape(len(self._counts), -1, 2).sum(axis=2)
+        halved = self._counts.reshape(len(self._counts), MOST_STEPS // 2, 2).sum(axis=2)
         self._counts[:] = np.pad(halved, ((0, 0), (0, MOST_STEPS - halved.shape[1])))
 
     def _note(self, keys: Array) -> None:
@@ -113,5 +113,5 @@ class _Series:
         self._known += len(keys)
         room = len(self._counts)
         if self._known > room:
-            more = max(self._known - room, room)
+            more = min(max(self._known - room, room), MOST_KEYS - room)
             self._counts = np.concatenate((self._counts, np.zeros((more, MOST_STEPS), np.int64)))

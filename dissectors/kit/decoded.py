@@ -105,7 +105,7 @@ class DecodedTable(_NamedColumns):
         """Return what `make` makes of the table, and keep it: several rules ask for it. Not to be written to."""
         found = self._made.get(make)
         if found is None:
-            found = self._made[make] = make(self)
+            found = self._made[make] = make(self).view()
             found.flags.writeable = False
         return found
 

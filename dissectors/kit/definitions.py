@@ -29,16 +29,11 @@ class Types:
         self._registry = registry
         self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
         self._undefined: dict[int, Mapping[int, str]] = {}
-        self._starts: dict[int, Sequence[int]] = {}
         self._framing: dict[int, tuple[Sequence[int], int | None]] = {}
 
     def starts(self, code: int) -> Sequence[int]:
         """Return the values from which the CRC of a transfer may start: `crc_start` of the signatures."""
-        if code not in self._starts:
-            if len(self._starts) >= _MOST_CODES:
-                self._starts.clear()
-            self._starts[code] = [crc_start(signature) for signature in self.signatures(code)]
-        return self._starts[code]
+        return self.framing(code)[0]
 
     def signatures(self, code: int) -> Sequence[int]:
         """Return those of the known types with this ID, the preferred one first; none for an unknown type."""
@@ -65,12 +60,13 @@ class Types:
         return (message.layout.max_bits + 7) // 8
 
     def framing(self, code: int) -> tuple[Sequence[int], int | None]:
-        """Return from which values the CRC of a transfer may start, as `starts` does, and its `fixed_bytes`."""
+        """Return its `starts` and its `fixed_bytes`."""
         known = self._framing.get(code)
         if known is None:
             if len(self._framing) >= _MOST_CODES:
                 self._framing.clear()
-            known = self._framing[code] = (self.starts(code), self.fixed_bytes(code))
+            starts = [crc_start(signature) for signature in self.signatures(code)]
+            known = self._framing[code] = (starts, self.fixed_bytes(code))
         return known
 
     def starting_from(self, value: int) -> Sequence[str]:

@@ -41,7 +41,7 @@ def paced() -> PacedReports:
 
 
 def breaks(paced: PacedReports, parts: list[tuple[Any, Any]]) -> list[list[Break]]:
-    """What is found of each sender whose next reports these are."""
+    """Return what is found of each sender whose next reports these are."""
     found: list[list[Break]] = [[] for _ in parts]
     senders = [k for k, (t, _) in enumerate(parts) if len(t)]
     some = [parts[k] for k in senders]

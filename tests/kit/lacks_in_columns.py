@@ -148,7 +148,7 @@ class LacksInColumns:
         codes = ours.codes[some]
         end = _frames(frames, ours, ours.first[some + 1] - 1, base)
         begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64)[some]
-        self._last.set(codes, **end._asdict(), begun=self._last.look_up("begun", codes) + begun)
+        self._last.put(self._last.find(codes), **end._asdict(), begun=self._last.look_up("begun", codes) + begun)
 
     def known(self, lacks: LackRows, within: int) -> Array:
         """Return whether the sessions were known to be DroneCAN's up to a time after each."""
@@ -225,7 +225,7 @@ class LacksInColumns:
         code = codes[group[lacks]]
         none = np.full(len(lacks), -1)
         ends = np.append(first[1:], len(which)) - 1
-        self._last.set(codes, **{name: column[ends] for name, column in own._asdict().items()},
+        self._last.put(self._last.find(codes), **{name: column[ends] for name, column in own._asdict().items()},
                        odd=count[ends], begun=begins[ends])  # fmt: skip
         return LackRows(
             code, node_of(code), before["number"][lacks], mine.number, before["t"][lacks], mine.t,
@@ -256,7 +256,7 @@ class LacksInColumns:
         whole |= self._last.look_up("wanted", sessions) == tail[first]
         keep |= np.repeat(whole, np.diff(first, append=len(rows)))
         forget = sessions[~np.logical_and.reduceat(keep, first)]
-        self._last.set(forget, **{name: np.full(len(forget), none) for name, none in LATEST.items()})
+        self._last.put(self._last.find(forget), **{name: np.full(len(forget), none) for name, none in LATEST.items()})
         return rows[keep]
 
 
@@ -316,7 +316,7 @@ def compared(new: LackRows, latest: KeyedRows) -> tuple[LackRows, Array]:
     also = np.append(swaps[1:], False)
     also[first[1:] - 1] = False
     last = np.append(first[1:], len(order)) - 1
-    latest.set(each, behind=of.behind[last], until=of.until[last], wanted=of.wanted[last], void=void[last])
+    latest.put(latest.find(each), behind=of.behind[last], until=of.until[last], wanted=of.wanted[last], void=void[last])
     left, found = np.empty_like(behind), np.empty(len(order), bool)
     left[order], found[order] = np.where(returns, behind, -1), void | also
     return new._replace(left=left, void=found), gone

@@ -45,7 +45,7 @@ def wrong_crcs(draw: st.DrawFn) -> tuple[int, bytes]:
 
 @given(st.lists(wrong_crcs(), max_size=12))
 def test_crcs_that_no_mistake_gives_are_left_out(rows: list[tuple[int, bytes]]) -> None:
-    """Whoever is left out is none of those that a closer look finds."""
+    """Of those that a closer look finds none is left out."""
     types = Types(registry())
     wire = np.array([crc for crc, _ in rows], np.int64)
     begins = np.cumsum([0, *(len(payload) for _, payload in rows)])

@@ -70,3 +70,16 @@ def test_further_keys_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     seen.add(np.array([9, 4]), np.array([0, 0]), 1)
     seen.add(np.array([8, 4, 2, 9]), np.array([1, 1, 1, 1]), np.array([5, 6, 7, 8]))
     assert {key: seen.of(key)[:2] for key in (2, 4, 8, 9)} == {2: (0, 7), 4: (1, 6), 8: (), 9: (1, 8)}
+
+
+def test_a_capture_without_transfers_may_be_long() -> None:
+    rng = np.random.default_rng(1)
+    seen, frames = Course(), 0
+    for k in range(12):
+        one = view(rng, START + k * 700 * SECOND, 700 * SECOND)
+        one.transfers.t[:] = NO_TIME
+        seen.feed(one)
+        frames += int(one.seconds.frames.sum())
+    assert seen.step > SECOND
+    assert sum(sum(seen.frames(bus)) for bus in range(3)) == frames
+    assert seen.transfers(1, 1) == ()

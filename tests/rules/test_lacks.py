@@ -1,4 +1,4 @@
-"""What senders lack, as the core finds it session by session: the same as in columns, wherever batches begin."""
+"""Lacks of senders, as the core finds it session by session: the same as in columns, wherever batches begin."""
 
 from __future__ import annotations
 
@@ -54,6 +54,8 @@ def views(lines: list[bytes], seed: int) -> Iterator[BatchView]:
         list(engine.feed(b"".join(lines[at : at + size])))
         yield past.feed(engine.flush())
         at += size
+    for batch in engine.end():
+        yield past.feed(batch)
 
 
 @pytest.mark.parametrize("capture", ["hover-4.log", "services.log", "hobbywing.log", "reordering.log"])

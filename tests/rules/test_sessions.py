@@ -185,7 +185,7 @@ def test_rows_by_key(parts: list[list[tuple[int, int]]], most: int) -> None:
                 expected.setdefault(key, [value, 0])
         for key in expected:
             expected[key][1] += 1
-        rows.set(rows.keys, count=rows.look_up("count", rows.keys) + 1)
+        rows.put(rows.find(rows.keys), count=rows.look_up("count", rows.keys) + 1)
     assert rows.keys.tolist() == sorted(expected)
     assert (len(rows), rows.room) == (len(expected), most - len(expected))
     every = np.arange(10)

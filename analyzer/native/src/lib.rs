@@ -9,8 +9,8 @@
 //! did not come, [`alike`] which frames come again, [`load`] how long one takes, [`motor`] how an ESC compares with its
 //! own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of, [`rows`] writes the text of views, by
 //! templates, [`evidence`] frames of findings. None of them knows Python or does I/O, but for `receive`, which empties a
-//! socket of Linux; `python` is the only file that knows Python, `simd`,
-//! `receive/system` and `python/buffer` are the only ones with `unsafe`.
+//! socket of Linux; `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the
+//! only ones with `unsafe`.
 
 pub mod accept;
 pub mod alike;

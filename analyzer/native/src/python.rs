@@ -207,6 +207,11 @@ fn frame_bits(frames: &Frames) -> Vec<u16> {
     crate::load::frame_bits(&frames.id, &frames.flags, &frames.offset, &frames.data)
 }
 
+/// What is raised where columns that belong together are not equally long.
+fn unfit() -> PyErr {
+    pyo3::exceptions::PyValueError::new_err("columns that do not fit together")
+}
+
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Pipeline>()?;

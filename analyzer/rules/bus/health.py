@@ -26,7 +26,7 @@ def health(view: View) -> Iterator[Occurrences | Occurrence]:
     if table is None:
         return
     codes, modes = table["health"], table["mode"]
-    bad = table.trusted & ((codes > 0) | _NOT_OPERATIONAL[modes])
+    bad = table.trusted & ((codes > 0) | _NOT_OPERATIONAL[modes.astype(np.uint8)])
     if not bad.any():
         return
 

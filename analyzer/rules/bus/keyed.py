@@ -63,10 +63,6 @@ class KeyedRows:
         """Return the cells of a column of some keys."""
         return self.get(name, self.find(keys))
 
-    def set(self, keys: Array, **cells: Array) -> None:
-        """Set cells of keys that are known."""
-        self.put(self.find(keys), **cells)
-
     def put(self, rows: Array, **cells: Array) -> None:
         """Set cells at rows of keys that are known."""
         for name, values in cells.items():

@@ -32,7 +32,8 @@ class UniqueIds(Rule):
         rows, values = table.inner("hardware_version", "unique_id")  # some answers end before it
         for row in distinct(rows[table.trusted[rows]]):
             node, t = (int(table.bus[row]), int(table.src[row])), int(table.t[row])
-            unique = values[rows == row].tobytes()
+            begin, end = rows.searchsorted(row), rows.searchsorted(row, "right")
+            unique = values[begin:end].tobytes()
             at, before = self._known.get(node, (t, unique))
             self._known[node] = t, unique
             elapsed = 0.0 if NO_TIME in (t, at) else (t - at) / SECOND

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from analyzer.rules.found.keys import FindingKey
     from analyzer.rules.found.runs import OccurrenceRun
 
-MOST_BEYOND = 1 << 16
+MOST_BEYOND = 1 << 12
 
 
 class RuleRuns:

@@ -32,8 +32,8 @@ class LooseFrames:
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types, all of them int64.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `kinds` are bits that say what is told of each. Lines are `kept` of those that waited from one batch to
-    another: they are told with these, which are looked up when they are needed, or before the frames are gone.
+    data. `kinds` are bits that say what is told of each. Those are `kept` that waited from one batch to another: their
+    lines are looked up when they are told, or before the frames are gone.
 
     Args:
         cells: the columns, one below the other.
@@ -204,7 +204,7 @@ class LooseFrames:
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=(lambda k: tuple(self.look_up(view, np.array([k])))) if self.kept.all() else None,
+            lines=(lambda k: tuple(filter(None, self.look_up(view, np.array([k]))))) if self.kept.any() else None,
         )  # fmt: skip
 
 

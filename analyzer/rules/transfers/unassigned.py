@@ -75,7 +75,7 @@ class UnassignedFrames(Rule):
         self._held = LooseFrames.joined((self._held, wait))
         over = len(self._held) - MOST_HELD
         if over > 0:
-            oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
+            oldest, self._held = self._held.take(slice(over)), self._held.take(np.arange(over, len(self._held)))
             yield from self._report(view, oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:

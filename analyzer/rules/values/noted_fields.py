@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -87,6 +87,10 @@ class NotedTest:
         special = () if column.word else column.special
         self._codes = (*column.enum, *special)  # of limits what is right beyond them
         self._tables: dict[int, Array] = {}  # by bytes of a number, of each whether it is one of the codes
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: nothing but its tables is added, which are the same for everybody."""
+        return self
 
     def wrong(self, shown: Array) -> Array:
         """Return the places of numbers without a name in the enumeration or, if there is none, beyond the limits."""

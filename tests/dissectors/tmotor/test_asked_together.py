@@ -1,4 +1,4 @@
-"""What is asked of all ESCs at once is what each would say alone, row by row."""
+"""Rules that ask all ESCs at once say of each one what they would say of it alone, row by row."""
 
 from __future__ import annotations
 

@@ -2,11 +2,11 @@
 #![forbid(unsafe_code)]
 
 use super::step::{Rule, Step, ID, QUIET, SERVICE};
+use crate::frames::NO_TIME;
 use crate::orphans::{Orphans, Place};
 use crate::transfers::anomaly;
 use crate::wire::Kind;
 
-const NO_TIME: i64 = i64::MIN;
 /// Bit of the identifier of a request.
 const ASKS: i64 = 1 << 15;
 /// Of several that a transfer has, the first says what it is.

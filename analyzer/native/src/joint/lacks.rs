@@ -253,7 +253,11 @@ impl Lacks {
                 place_behind: place,
                 tail: tail & FOLLOWS,
                 wanted,
-                window: (self.limits.few * each).clamp(self.limits.window, self.limits.widest),
+                window: self
+                    .limits
+                    .few
+                    .wrapping_mul(each)
+                    .clamp(self.limits.window, self.limits.widest),
                 left: NONE,
                 void: false,
             });

@@ -1,10 +1,10 @@
 //! Frames that are equal but for their tail bytes, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::alike::{self, Columns, Limits};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -47,8 +47,4 @@ pub fn repeats(
     let kinds = py.detach(|| alike::kinds(&keys, &tails, &places, Limits { look, few }));
     let kinds = kinds.ok_or_else(unfit)?;
     Cells::own(py, kinds.into_iter().map(|kind| kind as u8).collect())
-}
-
-fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

@@ -1,10 +1,10 @@
 //! Searches and their causes by sender, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::diagnosis::budgets;
 
 type Column<'py> = Bound<'py, Cells>;
@@ -101,8 +101,4 @@ impl Causes {
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
         self.clone()
     }
-}
-
-fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

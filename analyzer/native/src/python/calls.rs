@@ -1,10 +1,10 @@
 //! Requests and responses for Python: columns of transfers in, what is to be said of them out.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::calls::{self, Event, Limits, Part};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -90,7 +90,7 @@ impl Calls {
             .iter()
             .all(|one| one.len() == link.len());
         if !long || !short || rows.len() != nodes.len() {
-            return Err(PyValueError::new_err("columns that do not fit together"));
+            return Err(unfit());
         }
         let mut events = vec![];
         let mut new = rows.into_iter().zip(nodes).peekable();

@@ -5,6 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
+use super::unfit;
 use crate::diagnosis::index::{key, Columns, Frames, Hold, Index};
 use crate::diagnosis::questions::{ask, Found, Question};
 use crate::diagnosis::Known;
@@ -72,9 +73,7 @@ impl FrameIndex {
             data: Lent::of(py, data)?,
         };
         let index = py.detach(|| Index::new(first, Box::new(columns)));
-        index
-            .map(FrameIndex)
-            .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))
+        index.map(FrameIndex).ok_or_else(unfit)
     }
 
     /// Some frames as `candump -l` writes them, without those that are not there; `buses` are names.
@@ -109,7 +108,7 @@ impl FrameIndex {
         let [low, high, bus, session, id] = given.map(|column| column.to_vec(py));
         let (low, high, bus, session, id) = (low?, high?, bus?, session?, id?);
         if [high.len(), bus.len(), session.len(), id.len()] != [low.len(); 4] {
-            return Err(PyValueError::new_err("columns that do not fit together"));
+            return Err(unfit());
         }
         let (mut begins, mut numbers) = (vec![0_i64], vec![]);
         for k in 0..low.len() {
@@ -224,7 +223,7 @@ pub fn tails_before<'py>(
     let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
     let (numbers, sessions) = (numbers.to_vec(py)?, sessions.to_vec(py)?);
     if numbers.len() != sessions.len() {
-        return Err(PyValueError::new_err("columns that do not fit together"));
+        return Err(unfit());
     }
     let tail = |(number, session): (i64, i64)| {
         let key = key((session >> 32) as u8, session as u32);

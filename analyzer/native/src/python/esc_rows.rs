@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use super::unfit;
 use crate::motor::{CommandLog, Reports};
 
 /// Reports by column, NaN where they say nothing: speed, volts, current, temperature, reported.
@@ -156,9 +156,4 @@ impl RecentOrders {
         }
         Some(all)
     }
-}
-
-/// What is said of columns of different lengths.
-pub(super) fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

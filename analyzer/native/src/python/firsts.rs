@@ -1,10 +1,10 @@
 //! What came first of each key, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::firsts::{self, First};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -33,7 +33,7 @@ impl Firsts {
     ) -> PyResult<usize> {
         let (keys, t, numbers) = (keys.to_vec(py)?, t.to_vec(py)?, numbers.to_vec(py)?);
         if [t.len(), numbers.len()] != [keys.len(); 2] {
-            return Err(PyValueError::new_err("columns that do not fit together"));
+            return Err(unfit());
         }
         let rows = keys.into_iter().zip(t.into_iter().zip(numbers));
         let new = rows.filter(|&(key, (t, number))| self.0.add(key, First { t, number }));

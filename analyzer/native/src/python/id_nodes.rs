@@ -3,13 +3,13 @@
 use std::collections::{HashMap, HashSet};
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
 use super::diagnosis::FrameIndex;
 use super::odd_steps::{Given, OddRows};
 use super::orphans::OrphanIndex;
+use super::unfit;
 use crate::diagnosis::counters::Gaps;
 use crate::diagnosis::index::{Frames, Index};
 use crate::id_nodes::around::Around;
@@ -164,10 +164,6 @@ fn sender(number: u16) -> Sender {
 
 fn number(sender: Sender) -> u16 {
     u16::from_be_bytes([sender.bus, sender.node])
-}
-
-pub fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }
 
 fn add_messages(py: Python<'_>, sent: &mut BySender, given: &Messages, wanted: &HashSet<Sender>) -> PyResult<()> {

@@ -1,10 +1,10 @@
 //! Stretches in which several senders lack frames, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::joint::{Near, Stretches};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -50,7 +50,7 @@ pub fn joint(
     };
     let found = py
         .detach(|| stretches.joint(Near { apart, nearby }))
-        .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))?;
+        .ok_or_else(unfit)?;
     Ok((
         Cells::own(py, found.iter().map(|&(k, _)| k as i64).collect())?,
         Cells::own(py, found.iter().map(|(_, one)| i64::from(one.senders)).collect())?,

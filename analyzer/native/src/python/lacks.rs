@@ -1,10 +1,10 @@
 //! Where frames of senders are missing, for Python.
 
 use pyo3::buffer::{Element, PyBuffer};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
+use super::unfit;
 use crate::joint::known::Ended;
 use crate::joint::lacks::{self, Lack, Limits, Sent};
 
@@ -160,8 +160,4 @@ impl Lacks {
 
 fn lent<T: Element>(py: Python<'_>, column: PyBuffer<T>) -> PyResult<Lent<T>> {
     Lent::of(py, column)
-}
-
-fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

@@ -1,10 +1,10 @@
 //! Transfers that did not come, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Lent;
+use super::unfit;
 use crate::losses::{self, Columns};
 
 /// Transfers by column: t, bus, src, dst, kind, type ID, transfer ID, step, anomaly.
@@ -47,8 +47,7 @@ impl Losses {
             anomaly: &Lent::of(py, given.8)?,
         };
         let fits = self.0.feed(&columns);
-        fits.then_some(())
-            .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))
+        fits.then_some(()).ok_or_else(unfit)
     }
 
     /// Of a node, bus << 8 | source: lost; lost if one counter serves all its types, and whether it does or not; gaps,

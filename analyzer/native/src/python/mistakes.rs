@@ -1,10 +1,10 @@
 //! Start values of CRCs for Python: CRCs and payloads in, a cell a row out.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::diagnosis::mistakes::Starts;
 use crate::wire::crc_start_from;
 
@@ -78,8 +78,4 @@ pub fn mistaken(
     };
     let found: Option<Vec<u8>> = rows.each().zip(&which).map(may).collect();
     Cells::own(py, found.ok_or_else(unfit)?)
-}
-
-fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

@@ -4,7 +4,8 @@ use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use super::esc_rows::{unfit, EscRows};
+use super::esc_rows::EscRows;
+use super::unfit;
 use crate::motor::{self, Limits, Picked, Reports, SumLimits, Sums, Times, Watch, WELL};
 
 type Column<'py> = Bound<'py, Cells>;

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
-use super::id_nodes::unfit;
+use super::unfit;
 use crate::diagnosis::index::Frames;
 use crate::diagnosis::misnumbered::{meant, meant_before};
 use crate::diagnosis::Known;

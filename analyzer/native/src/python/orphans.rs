@@ -1,9 +1,9 @@
 //! Frames that belong to no transfer, for Python: columns in.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use super::unfit;
 use crate::orphans::{Frame, Orphans};
 
 /// Remembers frames of sessions that belong to no transfer.
@@ -48,8 +48,4 @@ impl OrphanIndex {
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
         self.clone()
     }
-}
-
-fn unfit() -> PyErr {
-    PyValueError::new_err("columns that do not fit together")
 }

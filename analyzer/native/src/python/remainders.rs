@@ -1,10 +1,10 @@
 //! Rests of transfers for Python: columns of orphans in, which of them belong together out.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
+use super::unfit;
 use crate::remainders::{self, Frame, Limits};
 
 type Column<'py> = Bound<'py, Cells>;
@@ -40,7 +40,7 @@ impl Remainders {
         let (session, t) = (session.to_vec(py)?, t.to_vec(py)?);
         let (tail, size) = (tail.to_vec(py)?, size.to_vec(py)?);
         if [t.len(), tail.len(), size.len()] != [session.len(); 3] {
-            return Err(PyValueError::new_err("columns that do not fit together"));
+            return Err(unfit());
         }
         self.0.forget();
         let mut closed = vec![];

@@ -1,9 +1,9 @@
 //! Occurrences by what they are of, for Python.
 
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use super::unfit;
 use crate::runs::{About, Apart, Groups, Piece, Place};
 
 /// The places of the first and the last of some rows, and where these begin and end in the order.
@@ -37,7 +37,7 @@ impl OccurrenceGroups {
         let long = [&frame, &bus, &node, &types].into_iter().chain(&key);
         let fit = long.map(Vec::len).chain(noted.iter().chain(&doubtful).map(Vec::len));
         if fit.into_iter().any(|len| len != t.len()) {
-            return Err(PyValueError::new_err("columns that do not fit together"));
+            return Err(unfit());
         }
         let set = |mask: &Option<Vec<u8>>, row: usize| mask.as_ref().is_some_and(|mask| mask[row] != 0);
         let about = (0..t.len()).map(|row| About {

@@ -19,9 +19,9 @@ const LIST_HEAD: usize = 8;
 pub fn record_batch(columns: Vec<Column>) -> Vec<u8> {
     let rows = columns.first().map_or(0, Column::len);
     let flat: Vec<Flat> = columns.into_iter().flat_map(Column::flatten).collect();
-    let buffers: Vec<&[u8]> = flat.iter().flat_map(buffers).collect();
-    let body = buffers.iter().map(|buffer| padded(buffer.len())).sum();
-    let described = ENTRIES + LIST_HEAD + ENTRY * (flat.len() + buffers.len());
+    let lens: Vec<usize> = flat.iter().flat_map(buffers).map(<[u8]>::len).collect();
+    let body = lens.iter().copied().map(padded).sum();
+    let described = ENTRIES + LIST_HEAD + ENTRY * (flat.len() + lens.len());
     let mut out = Vec::with_capacity(PREFIX + described + body);
     out.extend([0xFF; 4]);
     int32(&mut out, described);
@@ -32,16 +32,19 @@ pub fn record_batch(columns: Vec<Column>) -> Vec<u8> {
         int64(&mut out, nulls);
     }
     int32(&mut out, 0);
-    int32(&mut out, buffers.len());
+    int32(&mut out, lens.len());
     let mut at = 0;
-    for buffer in &buffers {
+    for len in lens {
         int64(&mut out, at);
-        int64(&mut out, buffer.len());
-        at += padded(buffer.len());
+        int64(&mut out, len);
+        at += padded(len);
     }
-    for buffer in buffers {
-        out.extend_from_slice(buffer);
-        out.resize(out.len().next_multiple_of(ALIGNED), 0);
+    // A column goes as soon as it is written.
+    for one in flat {
+        for buffer in buffers(&one) {
+            out.extend_from_slice(buffer);
+            out.resize(out.len().next_multiple_of(ALIGNED), 0);
+        }
     }
     out
 }

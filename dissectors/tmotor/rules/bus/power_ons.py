@@ -59,12 +59,13 @@ class _Units(NamedTuple):
     odd: list[list[int]]
 
 
-_known: WeakKeyDictionary[DecodedTable, _Units] = WeakKeyDictionary()
+_known: WeakKeyDictionary[DecodedTable, dict[str, _Units]] = WeakKeyDictionary()
 
 
 def _units(table: DecodedTable, good: Callable[[DecodedTable], Array], column: str) -> _Units:
     """Return the reports of a batch; several rules ask."""
-    if table not in _known:
+    known = _known.setdefault(table, {})
+    if column not in known:
         rows = np.flatnonzero(good(table) & (table.t != NO_TIME))
         if "unit_id" in table:
             # A node that turns out to send the high byte first begins anew: its numbers before were read wrongly.
@@ -82,8 +83,8 @@ def _units(table: DecodedTable, good: Callable[[DecodedTable], Array], column: s
         odd: list[list[int]] = [[] for _ in keys]
         for k, place in zip((np.searchsorted(begins, at, "right") - 1).tolist(), at.tolist(), strict=True):
             odd[k].append(place)
-        _known[table] = _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
-    return _known[table]
+        known[column] = _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
+    return known[column]
 
 
 class PowerOns:

@@ -35,6 +35,9 @@ class PeriodHistogram:
 
     def feed(self, periods: Array) -> None:
         """Add periods; those that are not positive are left out."""
+        periods = periods[periods > 0]  # a copy: of a view all that it is a part of would stay
+        if not len(periods):
+            return
         self._new.append(periods)
         self._left += len(periods)
         if self._left > _MOST_LEFT or len(self._new) > _MOST_PARTS:
@@ -45,9 +48,6 @@ class PeriodHistogram:
             return
         periods = self._new[0] if len(self._new) == 1 else np.concatenate(self._new)
         self._new, self._left = [], 0
-        periods = periods[periods > 0]
-        if not len(periods):
-            return
         code = np.maximum(periods.astype(np.float32).view(np.int32) >> 13, self._LOW)
         np.minimum(code, self._HIGH, out=code).sort()
         first = changes(code, -1)

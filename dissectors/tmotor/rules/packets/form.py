@@ -92,7 +92,7 @@ def leftovers(view: View) -> Iterator[Occurrence]:
         odd = _odd(view, name)
         if odd.size:
             carried = Carried(view, name)
-            rows = table.row.searchsorted(odd)  # all are there
+            rows = np.isin(table.row, odd).nonzero()[0]
             for row in rows[table.trusted[rows]].tolist():
                 for piece in carried.pieces(int(table.row[row])):
                     for rule, values in _judge(piece, name):
