@@ -204,7 +204,7 @@ class LooseFrames:
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
-            lines=(lambda k: tuple(filter(None, self.look_up(view, np.array([k]))))) if self.kept.any() else None,
+            lines=(lambda k: tuple(filter(None, self.look_up(view, np.array([k]))))) if self.kept.all() else None,
         )  # fmt: skip
 
 
