@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import accumulate, groupby
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit.array import Array
+
+_Made = TypeVar("_Made")
 
 # What every message table has in front of its fields.
 _CONTEXT = ("transfer", "t", "bus", "src", "trusted", "bits_left", "pad_nonzero", "bad_tag", "layout")
@@ -70,7 +72,7 @@ class DecodedTable(_NamedColumns):
         self._valid: dict[str, Array] = {}
         self._lists: dict[str, tuple[Array, Array]] = {}
         self._joined: tuple[_Joined, slice] | None = None
-        self._made: dict[Callable[[DecodedTable], Array], Array] = {}
+        self._made: dict[Callable[[DecodedTable], Any], Any] = {}
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: it never changes."""
@@ -101,12 +103,15 @@ class DecodedTable(_NamedColumns):
             return joined[name][rows]
         return column(self._column(name), time=name == "t")
 
-    def once(self, make: Callable[[DecodedTable], Array]) -> Array:
+    def once(self, make: Callable[[DecodedTable], _Made]) -> _Made:
         """Return what `make` makes of the table, and keep it: several rules ask for it. Not to be written to."""
-        found = self._made.get(make)
-        if found is None:
-            found = self._made[make] = make(self).view()
-            found.flags.writeable = False
+        if make not in self._made:
+            made: Any = make(self)
+            if isinstance(made, np.ndarray):
+                made = made.view()
+                made.flags.writeable = False
+            self._made[make] = made
+        found: _Made = self._made[make]
         return found
 
     def join(self, joined: _Joined, rows: slice) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -34,30 +33,25 @@ class _Uptimes(NamedTuple):
     fell: list[list[int]]
 
 
-_known: WeakKeyDictionary[DecodedTable, _Uptimes] = WeakKeyDictionary()
-
-
 def _uptimes(status: DecodedTable) -> _Uptimes:
-    """Return the uptimes of a batch; several rules ask."""
-    if status not in _known:
-        rows = np.flatnonzero(usable(status) & (status.t != NO_TIME))
-        order, first = by_key(status.bus[rows].astype(np.int64) << 8 | status.src[rows])
-        uptime = status["uptime_sec"][rows[order]].astype(np.int64)
-        lower = np.zeros(len(rows), bool)
-        np.less(uptime[1:], uptime[:-1], out=lower[1:])
-        lower[first] = False
-        fell: list[list[int]] = [[] for _ in first]
-        at = np.flatnonzero(lower)
-        for k, row in zip((np.searchsorted(first, at, "right") - 1).tolist(), rows[order[at]].tolist(), strict=True):
-            fell[k].append(row)
-        heard = np.argsort(order[first], kind="stable")
-        begins, ends = first[heard], (np.append(first[1:], len(rows)) - 1)[heard]
-        leads = rows[order[begins]]
-        _known[status] = _Uptimes(
-            list(zip(status.bus[leads].tolist(), status.src[leads].tolist(), strict=True)), leads.tolist(),
-            uptime[begins].tolist(), uptime[ends].tolist(), [fell[k] for k in heard.tolist()],
-        )  # fmt: skip
-    return _known[status]
+    """Return the uptimes of a batch."""
+    rows = np.flatnonzero(usable(status) & (status.t != NO_TIME))
+    order, first = by_key(status.bus[rows].astype(np.int64) << 8 | status.src[rows])
+    uptime = status["uptime_sec"][rows[order]].astype(np.int64)
+    lower = np.zeros(len(rows), bool)
+    np.less(uptime[1:], uptime[:-1], out=lower[1:])
+    lower[first] = False
+    fell: list[list[int]] = [[] for _ in first]
+    at = np.flatnonzero(lower)
+    for k, row in zip((np.searchsorted(first, at, "right") - 1).tolist(), rows[order[at]].tolist(), strict=True):
+        fell[k].append(row)
+    heard = np.argsort(order[first], kind="stable")
+    begins, ends = first[heard], (np.append(first[1:], len(rows)) - 1)[heard]
+    leads = rows[order[begins]]
+    return _Uptimes(
+        list(zip(status.bus[leads].tolist(), status.src[leads].tolist(), strict=True)), leads.tolist(),
+        uptime[begins].tolist(), uptime[ends].tolist(), [fell[k] for k in heard.tolist()],
+    )  # fmt: skip
 
 
 class Starts:
@@ -73,7 +67,7 @@ class Starts:
         if status is None:
             return
         fallen: list[int] = []
-        for node, row, first, last, fell in zip(*_uptimes(status), strict=True):
+        for node, row, first, last, fell in zip(*status.once(_uptimes), strict=True):
             if node in self._uptimes or len(self._uptimes) < _MOST:
                 if first < self._uptimes.get(node, 0):
                     fallen.append(row)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 from analyzer.rules.diagnosis import causes, checksums
 from analyzer.rules.diagnosis.causes import Cause
-from analyzer.rules.diagnosis.checksums import one_bit, starts_of, wrong_crc
+from analyzer.rules.diagnosis.checksums import one_bit, starts_of_all, wrong_crc
 from dissectors.kit import Types
 from dissectors.kit.definitions import crc_start
 
@@ -192,7 +193,9 @@ def test_a_flipped_bit_is_no_mistake_of_a_sender() -> None:
 @given(st.lists(st.tuples(st.binary(max_size=40), st.integers(0, 0xFFFF)), max_size=20))
 def test_crcs_run_backwards(rows: list[tuple[bytes, int]]) -> None:
     wire = [encode.crc16(payload, start) for payload, start in rows]
-    assert starts_of(wire, [payload for payload, _ in rows]).tolist() == [start for _, start in rows]
+    begins = np.cumsum([0, *(len(payload) for payload, _ in rows)], dtype=np.int64)
+    data = np.frombuffer(b"".join(payload for payload, _ in rows), np.uint8)
+    assert starts_of_all(np.array(wire, np.int64), begins, data).tolist() == [start for _, start in rows]
 
 
 def test_definitions_know_other_names_and_fixed_lengths() -> None:

@@ -152,17 +152,15 @@ def _turned() -> Mapping[int, int]:
 
 def start_of(wire: int, payload: bytes) -> int:
     """Return from which value the CRC of a payload ends as `wire`."""
-    return int(starts_of(np.array([wire]), [payload])[0])
-
-
-def starts_of(wire: Array, payloads: Sequence[bytes]) -> Array:
-    """Return from which values the CRC of each payload ends as `wire` (integers, as many): the CRC run backwards."""
-    ends = np.cumsum([0, *map(len, payloads)], dtype=np.int64)
-    return starts_of_all(np.asarray(wire, np.int64), ends, np.frombuffer(b"".join(payloads), np.uint8))
+    begins = np.array([0, len(payload)])
+    return int(starts_of_all(np.array([wire]), begins, np.frombuffer(payload, np.uint8))[0])
 
 
 def starts_of_all(wire: Array, begins: Array, data: Array) -> Array:
-    """Return the same of payloads that lie one behind the other; `begins` has one entry more than there are."""
+    """Return from which values the CRC of each payload ends as `wire` (integers, as many): the CRC run backwards.
+
+    Payloads lie one behind the other; `begins` has one entry more than there are.
+    """
     return cells(crc_starts((wire, begins, data)), np.int64)
 
 

@@ -60,14 +60,13 @@ class Findings:
     def __init__(self, pages: Mapping[str, Page], severities: Mapping[str, Severity]) -> None:
         self._pages = pages
         self._severities = severities
-        self.runs: dict[FindingKey, list[OccurrenceRun]] = {}
         self.spots: dict[Spot, list[FindingKey]] = {}
         self.keys: dict[RuleAt, list[FindingKey]] = {}
         causes = {rule for page in pages.values() for rule in page.explained}
         self._rules = {
             rule: RuleRuns(page, plain=not page.explained and rule not in causes) for rule, page in pages.items()
         }
-        self._kept: dict[FindingKey, KeyRuns] = {}
+        self.kept: dict[FindingKey, KeyRuns] = {}
         self._alike: dict[tuple[object, ...], AlikeRuns] = {}
         self._changed: list[KeyRuns] = []
         self._total = 0  # runs of all rules
@@ -164,7 +163,7 @@ class Findings:
     def _kept_apart(self, told: _Told, alike: AlikeRuns, about: tuple[int, int, int, int], row: int) -> KeyRuns | None:
         """Return the runs of a bus, a node, the number of a type, and the key of a row; None if there is no room."""
         (bus, node, number, _), found, shared = about, told.found, alike.shared
-        full, keyed = len(self.runs) >= MOST_GROUPS, told.page.key
+        full, keyed = len(self.kept) >= MOST_GROUPS, told.page.key
         if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
             alike.leave_out(about[:3])
             return None
@@ -237,14 +236,13 @@ class Findings:
 
     def _apart(self, key: FindingKey) -> KeyRuns | None:
         """Return the runs of a key that are kept apart: those beyond `MOST_GROUPS` share one."""
-        return self._kept.get(key) or (self._kept_of(key) if len(self.runs) < MOST_GROUPS else None)
+        return self.kept.get(key) or (self._kept_of(key) if len(self.kept) < MOST_GROUPS else None)
 
     def _kept_of(self, key: FindingKey) -> KeyRuns:
         """Return the runs of a key, which has its place from now on."""
-        kept = self._kept.get(key)
+        kept = self.kept.get(key)
         if kept is None:
-            kept = self._kept[key] = KeyRuns(key, self._rules[key.rule])
-            self.runs[key] = kept.runs
+            kept = self.kept[key] = KeyRuns(key, self._rules[key.rule])
             self.spots.setdefault(kept.spot, []).append(key)
             self.keys.setdefault(kept.spot.where, []).append(key)
         return kept
@@ -258,7 +256,7 @@ class Findings:
             merge(runs, run, rule.close)
         if rule.page.explained and len(runs) > MOST_PIECES:
             others = (one for name in rule.page.explained for one in self.keys.get(RuleAt(name, key.bus, key.node), ()))
-            runs[:] = joined(runs, [run for one in others for run in self.runs[one]])
+            runs[:] = joined(runs, [run for one in others for run in self.kept[one].runs])
         rule.count += len(runs) - before
         rule.crowded = rule.plain and rule.count >= MOST_APART
         self._total += len(runs) - before

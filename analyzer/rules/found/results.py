@@ -203,7 +203,7 @@ class _Work:
             if severity is not None:
                 known = found.setdefault(key._replace(severity=severity, dialects=()), [])
                 close = closeness(self._pages[key.rule])
-                for run in self._findings.runs[key]:
+                for run in self._findings.kept[key].runs:
                     merge(known, run.copy(), close)
         return found
 

@@ -14,6 +14,7 @@ from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
 from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
+from analyzer.rules.transfers.lists import picked
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.frame_text import FrameNumber, FrameText
@@ -104,10 +105,8 @@ def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
     """Return the pauses inside transfers of which all frames are of this batch."""
     t, f = view.transfers, view.frames
     begins, numbers = t.frame_lists
-    sizes = begins[rows + 1] - begins[rows]
-    ends = np.cumsum(sizes)
-    places = np.arange(int(sizes.sum())) + np.repeat(begins[rows] - (ends - sizes), sizes)
-    of, number = np.repeat(rows, sizes), numbers[places].astype(np.int64)
+    ends, places = picked(begins, rows)
+    of, number = np.repeat(rows, np.diff(ends)), numbers[places].astype(np.int64)
     at = f.t[number - f.first]
     pause = np.diff(at) / MILLISECOND
     timed = (at[:-1] != NO_TIME) & (at[1:] != NO_TIME)

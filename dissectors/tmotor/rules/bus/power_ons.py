@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, Starts, breach, by
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from dissectors.kit import Array, DecodedTable, View
 
@@ -44,6 +43,9 @@ class _Count(NamedTuple):
     best: int
 
 
+_PACKETS, _ANSWERS = "power_on_count", "esc_startup_times"  # their columns
+
+
 class _Units(NamedTuple):
     """Reports of one kind in a batch, one unit after the other: their keys, where each begins, and where it ends.
 
@@ -59,32 +61,34 @@ class _Units(NamedTuple):
     odd: list[list[int]]
 
 
-_known: WeakKeyDictionary[DecodedTable, dict[str, _Units]] = WeakKeyDictionary()
+def _of_packets(table: DecodedTable) -> _Units:
+    """Return what status packets report."""
+    rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
+    # A node that turns out to send the high byte first begins anew: its numbers before were read wrongly.
+    which = table["unit_id"][rows].astype(np.int64) << 1 | table["big_endian"][rows]
+    return _units(table, rows, which, _PACKETS)
 
 
-def _units(table: DecodedTable, good: Callable[[DecodedTable], Array], column: str) -> _Units:
-    """Return the reports of a batch; several rules ask."""
-    known = _known.setdefault(table, {})
-    if column not in known:
-        rows = np.flatnonzero(good(table) & (table.t != NO_TIME))
-        if "unit_id" in table:
-            # A node that turns out to send the high byte first begins anew: its numbers before were read wrongly.
-            which = table["unit_id"][rows].astype(np.int64) << 1 | table["big_endian"][rows]
-        else:
-            which = table["esc_uuid"][rows].astype(np.int64)
-        key = sender(table, rows).astype(np.int64) << 32 | which
-        order, begins = by_key(key)
-        rows, keys = rows[order], key[order[begins]].tolist()
-        counts = table[column][rows].astype(np.int64)
-        ran = table["runtime"][rows].astype(np.int64) if "runtime" in table else np.zeros(len(rows), np.int64)
-        differs = (counts[1:] != counts[:-1]) | (ran[1:] < ran[:-1])
-        differs[begins[1:] - 1] = False
-        at = np.flatnonzero(differs) + 1
-        odd: list[list[int]] = [[] for _ in keys]
-        for k, place in zip((np.searchsorted(begins, at, "right") - 1).tolist(), at.tolist(), strict=True):
-            odd[k].append(place)
-        known[column] = _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
-    return known[column]
+def _of_answers(table: DecodedTable) -> _Units:
+    """Return what parameters report."""
+    rows = np.flatnonzero(usable(table) & (table.t != NO_TIME))
+    return _units(table, rows, table["esc_uuid"][rows].astype(np.int64), _ANSWERS)
+
+
+def _units(table: DecodedTable, rows: Array, which: Array, column: str) -> _Units:
+    """Return the reports in some rows, each of which is of one of the units of its sender."""
+    key = sender(table, rows).astype(np.int64) << 32 | which
+    order, begins = by_key(key)
+    rows, keys = rows[order], key[order[begins]].tolist()
+    counts = table[column][rows].astype(np.int64)
+    ran = table["runtime"][rows].astype(np.int64) if "runtime" in table else np.zeros(len(rows), np.int64)
+    differs = (counts[1:] != counts[:-1]) | (ran[1:] < ran[:-1])
+    differs[begins[1:] - 1] = False
+    at = np.flatnonzero(differs) + 1
+    odd: list[list[int]] = [[] for _ in keys]
+    for k, place in zip((np.searchsorted(begins, at, "right") - 1).tolist(), at.tolist(), strict=True):
+        odd[k].append(place)
+    return _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
 
 
 class PowerOns:
@@ -100,9 +104,9 @@ class PowerOns:
         """Yield starts in a batch."""
         packets, answers = view.table("PUSHCAN.MotorStatus"), view.table("ParamGet")
         if packets is not None:
-            yield from self._follow(packets, _units(packets, sound, "power_on_count"), "power_on_count")
+            yield from self._follow(packets, packets.once(_of_packets), _PACKETS)
         if answers is not None:
-            yield from self._follow(answers, _units(answers, usable, "esc_startup_times"), "esc_startup_times")
+            yield from self._follow(answers, answers.once(_of_answers), _ANSWERS)
 
     def _follow(self, table: DecodedTable, units: _Units, column: str) -> Iterator[PowerOn]:
         rows, t, counts, ran = units.rows, units.t, units.counts, units.ran
