@@ -1,9 +1,12 @@
-"""Measure receiving in one run: python tests/bench/live.py [LOG] [--seconds N] [--flushes N] [--runs N]
+"""Measure receiving in one run: python tests/bench/live.py [LOG | --faults] [--seconds N] [--flushes N] [--runs N]
 
 Another process plays a full bus of 1 Mbit/s, each frame at its time, into a pair of datagram sockets that stands in for
 the kernel's CAN. The table shows which share of one core the receiving process takes: its own processor time, of all
 threads, once it is warm. Without LOG eight ESCs that send as much as the bus carries are simulated. Every row is run
 `--runs` times, in turn; the table shows medians. What is received and what is counted as dropped must be what was sent.
+
+With --faults the frames are those of the logs of `make_faults`, and all rules judge them. Its log whose times jump is
+left out: whoever receives stamps frames himself.
 """
 
 from __future__ import annotations
@@ -20,6 +23,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from bench import make_faults
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -34,18 +41,21 @@ WARM = 2.0  # seconds
 LONGEST = 1.0  # seconds between two batches, as live -q
 TIMESTAMPNS = 35
 RATE = 252  # status messages a second of each ESC: 7,600 frames
+FULL = 7_600  # frames a second of a bus that is full of faults
 FRAME = struct.Struct("=IB3x8s")
 EXTENDED = 0x8000_0000
+SHORT = 3  # digits of an identifier of 11 bits
 
 
 def frames(path: Path) -> list[tuple[float, bytes]]:
-    """Each frame of a log of extended frames as the kernel lays it out, with its seconds from the first."""
+    """Each frame of a log as the kernel lays it out, with its seconds from the first."""
     out = []
     for line in path.read_text().splitlines():
         stamp, _, frame = line.split()[:3]
         number, _, text = frame.partition("#")
         data = bytes.fromhex(text)
-        out.append((float(stamp[1:-1]), FRAME.pack(int(number, 16) | EXTENDED, len(data), data)))
+        flags = 0 if len(number) == SHORT else EXTENDED
+        out.append((float(stamp[1:-1]), FRAME.pack(int(number, 16) | flags, len(data), data)))
     return [(t - out[0][0], frame) for t, frame in out]
 
 
@@ -167,16 +177,17 @@ class Row:
     """One line of the table."""
 
     name: str
+    log: Path
     receive: Callable[[socket.socket, float, Over], Iterator[list[FrameBatch]]]
     use: Callable[[], Feed]
     shares: list[float] = field(default_factory=list)
 
-    def measure(self, path: Path, pause: float) -> int:
+    def measure(self, pause: float) -> int:
         """Runs it once; how many frames were dropped."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, QUEUE)
         feed, received, dropped = self.use(), 0, 0
-        command = [sys.executable, __file__, str(path), "--play", str(theirs.fileno())]
+        command = [sys.executable, __file__, str(self.log), "--play", str(theirs.fileno())]
         with subprocess.Popen(command, stdout=subprocess.PIPE, pass_fds=[theirs.fileno()]) as player, ours, theirs:
             meter = Meter()
             for pieces in self.receive(ours, pause, lambda: player.poll() is not None):
@@ -198,16 +209,28 @@ def simulated(path: Path, seconds: float) -> Path:
     return path
 
 
-def measure(path: Path, flushes: float, runs: int) -> str:
-    log = frames(path)
-    rows = [
-        Row("receive", received, nothing),
-        Row("receive, engine", received, engine),
-        Row("receive, engine, rules", received, rules),
-        Row("python-can", one_by_one, nothing),
-        Row("python-can, engine", one_by_one, engine),
+def faulty(path: Path, kind: str, seconds: float) -> Path:
+    """A log that is full of faults, evenly as a full bus brings them."""
+    make_faults.write(path, kind, round(seconds * FULL))
+    parts = [make_faults.parts_of(text) for text in path.read_bytes().splitlines()]
+    path.write_text("".join(make_faults.line(k / FULL, *rest) for k, (_, *rest) in enumerate(parts)))
+    return path
+
+
+def healthy(path: Path) -> list[Row]:
+    return [
+        Row("receive", path, received, nothing),
+        Row("receive, engine", path, received, engine),
+        Row("receive, engine, rules", path, received, rules),
+        Row("python-can", path, one_by_one, nothing),
+        Row("python-can, engine", path, one_by_one, engine),
     ]
-    dropped = sum(row.measure(path, 1 / flushes) for _ in range(runs) for row in rows)
+
+
+def measure(rows: list[Row], flushes: float, runs: int) -> str:
+    """The rows, whose logs take as long as each other."""
+    log = frames(rows[0].log)
+    dropped = sum(row.measure(1 / flushes) for _ in range(runs) for row in rows)
     seconds = log[-1][0]
     out = [f"{len(log):,} frames in {seconds:.0f} s ({len(log) / seconds:,.0f}/s), {dropped:,} dropped in all runs"]
     out += [f"{'':24}{'of one core':>12}{'us/frame':>10}"]
@@ -219,10 +242,9 @@ def measure(path: Path, flushes: float, runs: int) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "log", type=Path, nargs="?", help="candump -l text of extended frames; simulated when not given"
-    )
-    parser.add_argument("--seconds", type=float, default=20.0, help="of the log that is simulated")
+    parser.add_argument("log", type=Path, nargs="?", help="candump -l text of classic CAN; simulated when not given")
+    parser.add_argument("--faults", action="store_true", help="what all rules cost on a bus full of faults")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of the logs that are made")
     parser.add_argument(
         "--flushes", type=float, default=2.0, help="a second, as live -q; each makes tables of what has come"
     )
@@ -233,8 +255,14 @@ def main() -> None:
         play(options.play, options.log)
         return
     with tempfile.TemporaryDirectory() as name:
-        path = options.log or simulated(Path(name) / "flight.log", options.seconds)
-        sys.stdout.write(measure(path, options.flushes, options.runs))
+        folder = Path(name)
+        if options.faults:
+            kinds = [kind for kind in make_faults.KINDS if kind != "jumps"]
+            logs = {kind: faulty(folder / f"{kind}.log", kind, options.seconds) for kind in kinds}
+            rows = [Row(kind, log, received, rules) for kind, log in logs.items()]
+        else:
+            rows = healthy(options.log or simulated(folder / "flight.log", options.seconds))
+        sys.stdout.write(measure(rows, options.flushes, options.runs))
 
 
 if __name__ == "__main__":

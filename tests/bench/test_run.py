@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from bench import growth, run
+from bench import growth, live, run
 from bench.cost import Cost, Row
 
 from analyzer.decode.engine import Engine
@@ -37,6 +37,13 @@ def test_one_frame_in_so_many_is_damaged(tmp_path: Path) -> None:
     flight, log = (growth.damaged(tmp_path, every, frames=600).read_text().splitlines() for every in (0, 2))
     differs = [one.split() != two.split() for one, two in zip(flight, log, strict=True)]
     assert differs == [True, False] * 300
+
+
+@pytest.mark.slow
+def test_faults_come_evenly_to_a_live_bus(tmp_path: Path) -> None:
+    log = live.frames(live.faulty(tmp_path / "mixed.log", "mixed", 0.1))
+    assert [round(t * live.FULL) for t, _ in log] == list(range(760))
+    assert {bool(live.FRAME.unpack(frame)[0] & live.EXTENDED) for _, frame in log} == {False, True}
 
 
 @pytest.mark.slow
