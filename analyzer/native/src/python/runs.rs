@@ -7,14 +7,14 @@ use super::unfit;
 use crate::runs::{About, Apart, Groups, Piece, Place};
 
 /// The places of the first and the last of some rows, and where these begin and end in the order.
-type Told = (Place, Place, usize, usize);
+pub type Told = (Place, Place, usize, usize);
 
 /// What the rows of a group are all of: noted and doubtful; bus, node, type and key; its first row.
 type Group = ((bool, bool), (i64, i64, i64, i64), u32);
 
 /// Rows of occurrences of one rule by group.
 #[pyclass]
-pub struct OccurrenceGroups(Groups);
+pub struct OccurrenceGroups(pub Groups);
 
 #[pymethods]
 impl OccurrenceGroups {
@@ -54,20 +54,23 @@ impl OccurrenceGroups {
         Ok(OccurrenceGroups(Groups::of(&about, place, Apart { pause, piece })))
     }
 
-    /// Every group, in the order of bus, node, type, the masks, and key.
-    fn groups(&self) -> Vec<Group> {
-        let told = |(about, row): (About, u32)| {
-            let About {
-                bus,
-                node,
-                type_,
-                noted,
-                doubtful,
-                key,
-            } = about;
-            ((noted, doubtful), (bus, node, type_, key), row)
-        };
-        self.0.each().map(told).collect()
+    /// A group, by its place among all, in the order of bus, node, type, the masks, and key.
+    fn group(&self, group: usize) -> PyResult<Group> {
+        let (about, row) = self.0.each().nth(group).ok_or_else(unfit)?;
+        let About {
+            bus,
+            node,
+            type_,
+            noted,
+            doubtful,
+            key,
+        } = about;
+        Ok(((noted, doubtful), (bus, node, type_, key), row))
+    }
+
+    /// The key and the first row of each group.
+    fn keys(&self) -> Vec<(i64, u32)> {
+        self.0.each().map(|(about, row)| (about.key, row)).collect()
     }
 
     /// The pieces of a group, by its place among all.
@@ -87,7 +90,7 @@ impl OccurrenceGroups {
     }
 }
 
-fn told(pieces: &[Piece]) -> Vec<Told> {
+pub fn told(pieces: &[Piece]) -> Vec<Told> {
     let each = pieces.iter().map(|one| (one.first, one.last, one.begin, one.end));
     each.collect()
 }

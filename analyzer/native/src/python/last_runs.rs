@@ -1,0 +1,80 @@
+//! The last run of each key of findings, for Python.
+
+use pyo3::prelude::*;
+
+use super::runs::{told, OccurrenceGroups, Told};
+use crate::last_runs::{Joins, LastRun};
+use crate::runs::{Apart, Place};
+
+/// Counts what goes on with the last runs of keys.
+#[pyclass]
+#[derive(Clone, Default)]
+pub struct LastRuns(crate::last_runs::LastRuns);
+
+#[pymethods]
+impl LastRuns {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Make room for the last run of one more key; return its number.
+    fn add(&mut self) -> usize {
+        self.0.add()
+    }
+
+    /// Occurrences that are `alike` belong to the key with a number if they are of this bus, node, type and key.
+    fn know(&mut self, alike: u64, about: (i64, i64, i64, i64), number: usize) {
+        self.0.know(alike, about, number);
+    }
+
+    /// The last run of a key is this one: its first and last place, and that of its last example if it has all of them.
+    /// `None` if nothing is to be counted.
+    fn tell(&mut self, number: usize, run: Option<(Place, Place, Option<Place>)>) {
+        let run = run.map(|(first, last, full)| LastRun { first, last, full });
+        self.0.tell(number, run);
+    }
+
+    /// How many occurrences the last run of a key has more than it had, and its last place; `None` if there are none.
+    fn take(&mut self, number: usize) -> Option<(u64, Place)> {
+        self.0.take(number)
+    }
+
+    /// The numbers of keys of which something was counted since the last call.
+    fn take_changed(&mut self) -> Vec<usize> {
+        self.0.take_changed()
+    }
+
+    /// How often something was counted.
+    #[getter]
+    fn counted(&self) -> u64 {
+        self.0.counted()
+    }
+
+    /// Count what goes on with last runs, and return what is left: groups, each with the number of its key, if that is
+    /// known, and its pieces.
+    ///
+    /// `keys` stand instead of those of the groups. `joins` are the times that end runs, as with `OccurrenceGroups`, and
+    /// whether no time does; without, nothing is counted.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn count(
+        &mut self,
+        groups: PyRef<'_, OccurrenceGroups>,
+        alike: u64,
+        keys: Option<Vec<i64>>,
+        joins: Option<((i64, i64), bool)>,
+    ) -> Vec<(usize, Option<usize>, Vec<Told>)> {
+        let joins = joins.map(|((pause, piece), crowded)| Joins {
+            close: Apart { pause, piece },
+            crowded,
+        });
+        let left = self.0.count(&groups.0, alike, keys.as_deref(), joins);
+        let each = left.into_iter().map(|one| (one.group, one.known, told(&one.pieces)));
+        each.collect()
+    }
+
+    /// Another one that grows apart from this.
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+}
