@@ -1,7 +1,7 @@
 //! The last run of each key of findings: what goes on with one that wants no more examples is only counted.
 #![forbid(unsafe_code)]
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::runs::{About, Apart, Groups, Piece, Place};
 
@@ -23,11 +23,12 @@ pub struct Joins {
     pub crowded: bool,
 }
 
-/// Pieces of a group that were not counted; the number of its key, if it is known.
+/// Pieces of a group that were not counted; the number of its key, if it is known, and if it is not kept apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Left {
     pub group: usize,
     pub known: Option<usize>,
+    pub beyond: bool,
     pub pieces: Vec<Piece>,
 }
 
@@ -40,9 +41,11 @@ struct Kept {
 }
 
 /// Last runs by key.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct LastRuns {
+    most_beyond: usize,
     numbers: HashMap<Key, usize>,
+    beyond: HashMap<u64, HashSet<(i64, i64, i64)>>,
     kept: Vec<Kept>,
     changed: Vec<usize>,
     times: u64,
@@ -50,6 +53,19 @@ pub struct LastRuns {
 }
 
 impl LastRuns {
+    /// None yet; so many that are alike and not kept apart are remembered.
+    pub fn new(most_beyond: usize) -> Self {
+        LastRuns {
+            most_beyond,
+            numbers: HashMap::new(),
+            beyond: HashMap::new(),
+            kept: vec![],
+            changed: vec![],
+            times: 0,
+            counted: 0,
+        }
+    }
+
     /// Makes room for the last run of one more key, and gives its number.
     pub fn add(&mut self) -> usize {
         self.kept.push(Kept::default());
@@ -60,6 +76,26 @@ impl LastRuns {
     pub fn know(&mut self, alike: u64, about: (i64, i64, i64, i64), number: usize) {
         let (bus, node, type_, key) = about;
         self.numbers.insert((alike, bus, node, type_, key), number);
+    }
+
+    /// Of a bus, a node and a type nothing will be kept apart.
+    pub fn leave_out(&mut self, alike: u64, about: (i64, i64, i64)) {
+        let beyond = self.beyond.entry(alike).or_default();
+        if beyond.len() >= self.most_beyond {
+            beyond.clear();
+        }
+        beyond.insert(about);
+    }
+
+    /// The part and the key of each group, and its first row; none of those that are not kept apart.
+    pub fn keys(&self, groups: &Groups, alike: u64) -> Vec<Option<(i64, i64, u32)>> {
+        let key = |(about, row): (About, u32)| (!self.is_beyond(alike, about)).then_some((about.part, about.key, row));
+        groups.each().map(key).collect()
+    }
+
+    fn is_beyond(&self, alike: u64, about: About) -> bool {
+        let beyond = self.beyond.get(&number_of(alike, about));
+        beyond.is_some_and(|beyond| beyond.contains(&(about.bus, about.node, about.type_)))
     }
 
     /// The last run of a key is this one now; none goes on with it if there is none.
@@ -99,24 +135,41 @@ impl LastRuns {
         for (group, (about, _)) in groups.each().enumerate() {
             let key = keys.map_or(Some(about.key), |keys| keys.get(group).copied());
             let known = key.and_then(|key| self.numbers.get(&key_of(alike, about, key)).copied());
-            let mut pieces = vec![];
-            for piece in groups.pieces(group) {
-                if known.is_some_and(|number| joins.is_some_and(|joins| self.goes_on(number, piece, joins))) {
-                    continue;
-                }
-                if let Some(kept) = known.and_then(|number| self.kept.get_mut(number)) {
-                    kept.left = self.times;
-                }
-                if let Some(joins) = &mut joins {
-                    joins.crowded = false; // it may end the crowd
-                }
-                pieces.push(piece);
-            }
-            if !pieces.is_empty() {
-                left.push(Left { group, known, pieces });
+            let beyond = known.is_none() && self.is_beyond(alike, about);
+            let pieces = match known {
+                _ if beyond => vec![],
+                Some(number) => self.left(number, groups.pieces(group), joins),
+                None => groups.pieces(group),
+            };
+            if beyond || !pieces.is_empty() {
+                left.push(Left {
+                    group,
+                    known,
+                    beyond,
+                    pieces,
+                });
+                joins = joins.map(|joins| Joins {
+                    crowded: false, // what is left may end the crowd
+                    ..joins
+                });
             }
         }
         left
+    }
+
+    /// Counts pieces that go on with the last run of a key, up to the first one that does not; gives the others.
+    pub fn left(&mut self, number: usize, pieces: Vec<Piece>, joins: Option<Joins>) -> Vec<Piece> {
+        let Some(joins) = joins else {
+            return pieces;
+        };
+        let counted = pieces
+            .iter()
+            .take_while(|piece| self.goes_on(number, **piece, joins))
+            .count();
+        if let Some(kept) = self.kept.get_mut(number).filter(|_| counted < pieces.len()) {
+            kept.left = self.times;
+        }
+        pieces.into_iter().skip(counted).collect()
     }
 
     /// Counts a piece if it goes on with the last run of a key.
@@ -147,9 +200,12 @@ impl LastRuns {
     }
 }
 
+fn number_of(alike: u64, about: About) -> u64 {
+    alike + u64::from(about.noted) * 2 + u64::from(about.doubtful)
+}
+
 fn key_of(alike: u64, about: About, key: i64) -> Key {
-    let number = alike + u64::from(about.noted) * 2 + u64::from(about.doubtful);
-    (number, about.bus, about.node, about.type_, key)
+    (number_of(alike, about), about.bus, about.node, about.type_, key)
 }
 
 fn close(apart: Apart, last: i64, t: i64) -> bool {
@@ -170,6 +226,7 @@ mod tests {
 
     fn about(node: i64, key: i64) -> About {
         About {
+            part: 0,
             bus: 0,
             node,
             type_: 7,
@@ -189,7 +246,7 @@ mod tests {
 
     /// Last runs of one key, of node 5 and key 1, and what is left of rows at some times that are of it.
     fn left(known: LastRun, joins: Option<Joins>, t: &[i64]) -> (LastRuns, Vec<i64>) {
-        let mut runs = LastRuns::default();
+        let mut runs = LastRuns::new(1);
         let number = runs.add();
         runs.know(4, (0, 5, 7, 1), number);
         runs.tell(number, Some(known));
@@ -235,7 +292,7 @@ mod tests {
 
     #[test]
     fn in_a_crowd_no_pause_ends_a_run_until_something_is_left() {
-        let mut runs = LastRuns::default();
+        let mut runs = LastRuns::new(1);
         for node in [5, 6, 8] {
             let number = runs.add();
             runs.know(0, (0, node, 7, 0), number);
@@ -250,8 +307,24 @@ mod tests {
     }
 
     #[test]
+    fn what_is_not_kept_apart_is_told() {
+        let mut runs = LastRuns::new(1);
+        runs.leave_out(4, (0, 5, 7));
+        let groups = Groups::of(&[about(5, 1), about(6, 2)], vec![(9, 1); 2], PAUSE);
+        assert_eq!(runs.keys(&groups, 4), vec![None, Some((0, 2, 1))]);
+        let left = runs.count(&groups, 4, None, Some(PLAIN));
+        let left: Vec<_> = left
+            .iter()
+            .map(|one| (one.group, one.beyond, one.pieces.len()))
+            .collect();
+        assert_eq!(left, vec![(0, true, 0), (1, false, 1)]);
+        runs.leave_out(4, (0, 6, 7));
+        assert_eq!(runs.keys(&groups, 4), vec![Some((0, 1, 0)), None]); // forgotten, and asked for again
+    }
+
+    #[test]
     fn pieces_of_time_end_runs_and_keys_may_be_others() {
-        let mut runs = LastRuns::default();
+        let mut runs = LastRuns::new(1);
         let number = runs.add();
         let noted = About {
             noted: true,

@@ -31,6 +31,8 @@ MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
 KEPT = 4 * RICH  # runs that may have all their examples until it is known which ones are the first
 MOST_APART = 1024  # runs of one rule; from then on a pause ends none where nothing is explained by a part
+MOST_BEYOND = 1 << 12  # of a kind of occurrences: what is known to have no key of its own
+_UNKNOWN = -1  # number of a key by which nothing is kept apart yet
 
 
 class _Told(NamedTuple):
@@ -84,7 +86,7 @@ class Findings:
         }
         self.kept: dict[FindingKey, KeyRuns] = {}
         self._numbered: list[KeyRuns] = []  # the same by their numbers
-        self._last_runs = LastRuns()
+        self._last_runs = LastRuns(MOST_BEYOND)
         self._names: dict[str, int] = {}  # a number for each key by which something is kept apart
         self._alike: dict[tuple[object, ...], tuple[AlikeRuns, ...]] = {}
         self._changed: list[KeyRuns] = []
@@ -160,35 +162,37 @@ class Findings:
         groups, alike = told.groups, self._alike_of(told.found)
         further: dict[int, list[int]] = {}
         placed: list[tuple[KeyRuns, Piece]] = []
-        for at, number, pieces in self._last_runs.count(groups, alike[0].number, self._keys(told), joins):
+        keys = self._keys(told, alike[0].number)
+        for at, number, beyond, pieces in self._last_runs.count(groups, alike[0].number, keys, joins):
             if number is not None:
-                kept: KeyRuns | None = self._numbered[number]
+                placed += [(self._numbered[number], piece) for piece in pieces]
+                continue
+            (noted, doubtful), about, row = groups.group(at)
+            kind = 2 * noted + doubtful
+            kept = None if beyond else self._kept_apart(told, alike[kind], about, row)
+            if kept is None:
+                further.setdefault(kind, []).append(at)
             else:
-                (noted, doubtful), about, row = groups.group(at)
-                kind = 2 * noted + doubtful
-                same = alike[kind]
-                kept = None if about[:3] in same.beyond else self._kept_apart(told, same, about, row)
-                if kept is None:
-                    further.setdefault(kind, []).append(at)
-                    continue
-            placed += [(kept, piece) for piece in pieces]
+                placed += [(kept, piece) for piece in pieces]
         for kind, some in further.items():
             kept = self._kept_of(alike[kind].shared)
-            placed += [(kept, piece) for piece in groups.together(some)]
+            kept.counted = True
+            sure = None if joins is None else (joins[0], joins[1] and not placed)  # what is left may end the crowd
+            placed += [(kept, piece) for piece in self._last_runs.count_together(groups, some, kept.number, sure)]
         return placed
 
-    def _keys(self, told: _Told) -> list[int] | None:
+    def _keys(self, told: _Told, alike: int) -> list[int] | None:
         """Return numbers for the keys of groups; None if these have some that are the same in every batch."""
         if told.numbered:
             return None
         known: dict[int, int] = {}
         keys: list[int] = []
-        for key, row in told.groups.keys():
-            number = known.get(key)
-            if number is None:
-                number = self._names.get(told.name(row), -1)
+        for one in self._last_runs.keys(told.groups, alike):
+            number = _UNKNOWN if one is None else known.get(one[0])
+            if one is not None and number is None:
+                number = self._names.get(told.name(one[1]), _UNKNOWN)
                 if told.found.key is not None:
-                    known[key] = number
+                    known[one[0]] = number
             keys.append(number)
         return keys
 
@@ -211,7 +215,7 @@ class Findings:
         (bus, node, number, _), shared = about, alike.shared
         full, keyed = len(self.kept) >= MOST_GROUPS, told.page.key
         if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
-            alike.leave_out(about[:3])
+            self._last_runs.leave_out(alike.number, about[:3])
             return None
         named = told.name(row)
         type_ = told.view.type_name(number)
@@ -220,7 +224,7 @@ class Findings:
             key = about[3] if told.numbered else self._names.setdefault(named, len(self._names))
             kept.know(alike.number, (bus, node, number, key))
         elif not keyed:
-            alike.leave_out(about[:3])
+            self._last_runs.leave_out(alike.number, about[:3])
         return kept
 
     def _alike_of(self, found: Occurrences) -> tuple[AlikeRuns, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.found.runs import closeness
 
@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from analyzer.rules.catalogue import Page
     from analyzer.rules.found.keys import FindingKey
     from analyzer.rules.found.runs import OccurrenceRun
-
-MOST_BEYOND = 1 << 12
 
 
 class RuleRuns:
@@ -35,22 +33,22 @@ class RuleRuns:
 class KeyRuns:
     """The runs of a key, in order of time; `changed` if something was added since somebody asked.
 
-    The core counts, in `last_runs`, what goes on with the last one and is `known` there to be of this key.
+    The core counts, in `last_runs`, what goes on with the last one, if this is `counted` there.
     """
 
-    __slots__ = ("_last_runs", "_runs", "changed", "key", "known", "number", "rule", "spot")
+    __slots__ = ("_last_runs", "_runs", "changed", "counted", "key", "number", "rule", "spot")
 
     def __init__(self, key: FindingKey, rule: RuleRuns, last_runs: LastRuns) -> None:
         self.key, self.rule, self.spot = key, rule, key.spot
         self.number = last_runs.add()
-        self.known = self.changed = False
+        self.counted = self.changed = False
         self._last_runs = last_runs
         self._runs: list[OccurrenceRun] = []
 
     @property
     def runs(self) -> list[OccurrenceRun]:
         """The runs with all that was counted."""
-        more = self._last_runs.take(self.number) if self.known else None
+        more = self._last_runs.take(self.number) if self.counted else None
         if more is not None:
             run = self._runs[-1]
             run.count += more[0]
@@ -59,12 +57,12 @@ class KeyRuns:
 
     def know(self, alike: int, about: tuple[int, int, int, int]) -> None:
         """Have the core count what is `alike` and of a bus, a node, and the numbers of a type and of a key."""
-        self.known = True
+        self.counted = True
         self._last_runs.know(alike, about, self.number)
 
     def tell(self) -> None:
         """Tell the core what the last run is now."""
-        if self.known:
+        if self.counted:
             run = self._runs[-1]
             full = run.examples[-1][:2] if len(run.examples) == run.most else None
             self._last_runs.tell(self.number, None if run.episode is not None else (run.first, run.last, full))
@@ -78,21 +76,11 @@ class KeyRuns:
         return runs[at - 1] if at else None
 
 
-class AlikeRuns:
+class AlikeRuns(NamedTuple):
     """The runs of occurrences that are alike but for bus, node, type and key.
 
-    `number` is theirs alone, `shared` the key of what comes when no more keys are kept apart. `beyond` are buses, nodes
-    and types of which none is, and none will be.
+    `number` is theirs alone, `shared` the key of what comes when no more keys are kept apart.
     """
 
-    __slots__ = ("beyond", "number", "shared")
-
-    def __init__(self, number: int, shared: FindingKey) -> None:
-        self.number, self.shared = number, shared
-        self.beyond: set[tuple[int, ...]] = set()
-
-    def leave_out(self, about: tuple[int, ...]) -> None:
-        """Note that nothing of a bus, a node and the number of a type will be kept apart."""
-        if len(self.beyond) >= MOST_BEYOND:
-            self.beyond.clear()
-        self.beyond.add(about)
+    number: int
+    shared: FindingKey
