@@ -83,30 +83,31 @@ class Drops:
         told = list(united(done, self._keyed))
         if not told:
             return
-        near = self._near_each(told)
-        begin = 0
+        many = [one for one in told if isinstance(one, Occurrences)]
+        near = self._near_each(many, [one for one in told if not isinstance(one, Occurrences)])
+        begin, single = 0, sum(len(one.t) for one in many)
         for one in told:
-            size = len(one.t) if isinstance(one, Occurrences) else 1
-            yield one, near[begin : begin + size]
-            begin += size
-
-    def _near_each(self, found: Sequence[Occurrences | Occurrence]) -> Array:
-        """Return a mask of those near a loss, row by row of occurrences that have several."""
-        bus: list[Any] = []
-        since: list[Any] = []
-        until: list[Any] = []
-        for one in found:
-            begin = one.t if one.since is None else one.since
-            end = one.t if one.until is None else one.until
             if isinstance(one, Occurrences):
-                bus.append(one.bus)
-                since.append(begin)
-                until.append(end)
+                yield one, near[begin : begin + len(one.t)]
+                begin += len(one.t)
             else:
-                bus.append([one.bus])
-                since.append([min(max(begin, NO_TIME), _LAST)])
-                until.append([min(max(end, NO_TIME), _LAST)])
-        return self._near(*(np.concatenate(parts, dtype=np.int64) for parts in (bus, since, until)))
+                yield one, near[single : single + 1]
+                single += 1
+
+    def _near_each(self, many: Sequence[Occurrences], single: Sequence[Occurrence]) -> Array:
+        """Return a mask of those near a loss, row by row of the first ones, then of the others."""
+        columns: list[list[Any]] = [
+            [one.bus for one in many],
+            [one.t if one.since is None else one.since for one in many],
+            [one.t if one.until is None else one.until for one in many],
+        ]
+        if single:
+            since = (one.t if one.since is None else one.since for one in single)
+            until = (one.t if one.until is None else one.until for one in single)
+            columns[0].append([one.bus for one in single])
+            columns[1].append([min(max(t, NO_TIME), _LAST) for t in since])
+            columns[2].append([min(max(t, NO_TIME), _LAST) for t in until])
+        return self._near(*(np.concatenate(parts, dtype=np.int64) for parts in columns))
 
     def _near(self, bus: Array, since: Array, until: Array) -> Array:
         """Return a mask of the stretches of time of a bus that are near a loss."""

@@ -14,7 +14,7 @@ from kit.judged import outcome, registry
 from analyzer.decode.readings import Statement
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
-from analyzer.rules.found import findings, kept, runs
+from analyzer.rules.found import findings, runs
 from analyzer.rules.found.findings import Findings
 from analyzer.rules.found.results import Results
 from analyzer.rules.view import Past
@@ -142,7 +142,7 @@ def test_bounds_merge_and_never_forget(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_comes_when_no_more_keys_are_kept_apart_shares_one(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """In every batch, of a node that has a key and of others; what is forgotten of these is found out again."""
     monkeypatch.setattr(findings, "MOST_GROUPS", 2)
-    monkeypatch.setattr(kept, "MOST_BEYOND", most)
+    monkeypatch.setattr(findings, "MOST_BEYOND", most)
     batch = many([(1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 1), (1, 5, 1)])
     batch = replace(batch, node=np.array([10, 10, 10, 11, 12]))
     found = {key: count for key, count, *_ in brief(*(replace(batch, t=batch.t + k * SECOND) for k in range(4)))}

@@ -59,7 +59,7 @@ def test_rows_are_grouped_as_if_one_by_one(apart: Any, rows: list[Any], keyed: b
     order = sorted(range(len(rows)), key=lambda k: (about(k), place(k)))
     expected = [(key[:5], pieces(rows, list(same), apart)) for key, same in groupby(order, key=about)]
     made = groups.groups_of(found(rows, keyed=keyed), np.array([row[6] for row in rows]), apart)
-    told = made.groups()
+    told = [made.group(at) for at in range(len(made))]
     assert [
         ((bus, node, number, *masks), [made.rows(*piece[2:]) for piece in made.pieces(at)])
         for at, (masks, (bus, node, number, _), _) in enumerate(told)

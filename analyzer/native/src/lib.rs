@@ -7,10 +7,10 @@
 //! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`]
 //! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which transfers
 //! did not come, [`alike`] which frames come again, [`load`] how long one takes, [`motor`] how an ESC compares with its
-//! own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of, [`rows`] writes the text of views, by
-//! templates, [`evidence`] frames of findings. None of them knows Python or does I/O, but for `receive`, which empties a
-//! socket of Linux; `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the
-//! only ones with `unsafe`.
+//! own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of, [`last_runs`] counts those that go
+//! on with a finding, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them
+//! knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows
+//! Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod alike;
@@ -36,6 +36,7 @@ pub mod grouped;
 pub mod groups;
 pub mod id_nodes;
 pub mod joint;
+pub mod last_runs;
 pub mod line;
 pub mod link;
 pub mod load;

@@ -29,6 +29,7 @@ mod grouped;
 mod id_nodes;
 mod joint;
 mod lacks;
+mod last_runs;
 mod load;
 mod log_records;
 mod losses;
@@ -243,6 +244,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<budgets::Causes>()?;
     m.add_class::<remainders::Remainders>()?;
     m.add_class::<firsts::Firsts>()?;
+    m.add_class::<last_runs::LastRuns>()?;
     m.add_class::<runs::OccurrenceGroups>()?;
     m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer._native import LastRuns
 from analyzer.rules.found.episodes import episode_of
 from analyzer.rules.found.groups import ALL_ONE, BY_PAUSE, BY_PIECE, groups_of
 from analyzer.rules.found.kept import AlikeRuns, KeyRuns, RuleRuns
@@ -23,13 +24,15 @@ if TYPE_CHECKING:
 
     from analyzer._native import OccurrenceGroups
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.found.groups import Piece
+    from analyzer.rules.found.groups import Apart, Piece
     from dissectors.kit import Array, Severity, View
 
 MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long past that are alike are put together
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
 KEPT = 4 * RICH  # runs that may have all their examples until it is known which ones are the first
 MOST_APART = 1024  # runs of one rule; from then on a pause ends none where nothing is explained by a part
+MOST_BEYOND = 1 << 12  # of a kind of occurrences: what is known to have no key of its own
+_UNKNOWN = -1  # number of a key by which nothing is kept apart yet
 
 
 class _Told(NamedTuple):
@@ -39,6 +42,21 @@ class _Told(NamedTuple):
     page: Page
     view: View
     groups: OccurrenceGroups
+    names: dict[int, str]  # of rows, as far as they were asked for
+
+    @property
+    def numbered(self) -> bool:
+        """What keeps findings apart is the same number in every batch."""
+        return self.found.lasts or (self.found.key is None and not self.page.key)
+
+    def name(self, row: int) -> str:
+        """Return the key of a row."""
+        if not self.page.key:
+            return ""
+        name = self.names.get(row)
+        if name is None:
+            name = self.names[row] = self.page.key_of((self.found.key_values or self.found.values)(row))
+        return name
 
     def example(self, row: int) -> Shown:
         """Return one to show."""
@@ -67,10 +85,18 @@ class Findings:
             rule: RuleRuns(page, plain=not page.explained and rule not in causes) for rule, page in pages.items()
         }
         self.kept: dict[FindingKey, KeyRuns] = {}
-        self._alike: dict[tuple[object, ...], AlikeRuns] = {}
+        self._numbered: list[KeyRuns] = []  # the same by their numbers
+        self._last_runs = LastRuns(MOST_BEYOND)
+        self._names: dict[str, int] = {}  # a number for each key by which something is kept apart
+        self._alike: dict[tuple[object, ...], tuple[AlikeRuns, ...]] = {}
         self._changed: list[KeyRuns] = []
         self._total = 0  # runs of all rules
-        self.changes = 0  # how often something was added
+        self._added = 0
+
+    @property
+    def changes(self) -> int:
+        """How often something was added."""
+        return self._added + self._last_runs.counted
 
     def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Array | None = None) -> None:
         """Add occurrences of one rule; `near_drops` is a mask of those that lost frames may explain."""
@@ -86,7 +112,7 @@ class Findings:
         changed, self._changed = self._changed, []
         for kept in changed:
             kept.changed = False
-        return {kept.spot for kept in changed}
+        return {kept.spot for kept in (*changed, *map(self._numbered.__getitem__, self._last_runs.take_changed()))}
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
@@ -107,14 +133,17 @@ class Findings:
             insort(run.examples, Shown(*place, page.say(one.values), cause, tuple(one.frames), lines))
         if new:
             self._put(kept, run)
+        kept.tell()
 
     def _add_many(self, found: Occurrences, view: View, near_drops: Array | None) -> None:
         rule = self._rules[found.rule]
-        apart = BY_PIECE if rule.page.explained else ALL_ONE if rule.crowded else BY_PAUSE
-        told = _Told(found, rule.page, view, groups_of(found, near_drops, apart))
-        placed = self._placed(told)
-        if rule.plain and 0 <= MOST_APART - rule.count < len(placed):
-            placed.sort(key=lambda one: one[1][0])  # which ones are the last to stand apart
+        ends = BY_PIECE if rule.page.explained else BY_PAUSE
+        told = _Told(found, rule.page, view, groups_of(found, near_drops, ALL_ONE if rule.crowded else ends), {})
+        # Which ones are the last to stand apart goes by time.
+        few_left = rule.plain and 0 <= MOST_APART - rule.count < len(found.t)
+        placed = self._placed(told, None if found.worst or few_left else (ends, rule.crowded))
+        if few_left and MOST_APART - rule.count < len(placed):
+            placed.sort(key=lambda one: one[1][0])
         for kept, piece in placed:
             first, last, begin, end = piece
             room = None if found.worst else self._counted(kept, first, last, end - begin)
@@ -123,28 +152,49 @@ class Findings:
             elif room:
                 for row in told.groups.rows(begin, min(begin + room, end)):
                     insort(kept.runs[-1].examples, told.example(row))
+            kept.tell()
 
-    def _placed(self, told: _Told) -> list[tuple[KeyRuns, Piece]]:
-        """Return the pieces of occurrences, each with the runs of its key; those that share a key come last."""
-        found, groups = told.found, told.groups
-        lasts = found.lasts or not told.page.key  # what keeps findings apart is the same number in every batch
-        alike, further = dict[tuple[bool, bool], AlikeRuns](), dict[tuple[bool, bool], list[int]]()
+    def _placed(self, told: _Told, joins: tuple[Apart, bool] | None) -> list[tuple[KeyRuns, Piece]]:
+        """Return the pieces of occurrences, each with the runs of its key; those that share a key come last.
+
+        What the core can count goes on with a last run, as `joins` say, and is left out.
+        """
+        groups, alike = told.groups, self._alike_of(told.found)
+        further: dict[int, list[int]] = {}
         placed: list[tuple[KeyRuns, Piece]] = []
-        for at, (kind, about, row) in enumerate(groups.groups()):
-            same = alike.get(kind)
-            if same is None:
-                same = alike[kind] = self._alike_of(found, *kind)
-            kept = same.known.get(about) if lasts else None
-            if kept is None and about[:3] not in same.beyond:
-                kept = self._kept_apart(told, same, about, row)
+        keys = self._keys(told, alike[0].number)
+        for at, number, beyond, pieces in self._last_runs.count(groups, alike[0].number, keys, joins):
+            if number is not None:
+                placed += [(self._numbered[number], piece) for piece in pieces]
+                continue
+            (noted, doubtful), about, row = groups.group(at)
+            kind = 2 * noted + doubtful
+            kept = None if beyond else self._kept_apart(told, alike[kind], about, row)
             if kept is None:
                 further.setdefault(kind, []).append(at)
             else:
-                placed += [(kept, piece) for piece in groups.pieces(at)]
+                placed += [(kept, piece) for piece in pieces]
         for kind, some in further.items():
             kept = self._kept_of(alike[kind].shared)
-            placed += [(kept, piece) for piece in groups.together(some)]
+            kept.counted = True
+            sure = None if joins is None else (joins[0], joins[1] and not placed)  # what is left may end the crowd
+            placed += [(kept, piece) for piece in self._last_runs.count_together(groups, some, kept.number, sure)]
         return placed
+
+    def _keys(self, told: _Told, alike: int) -> list[int] | None:
+        """Return numbers for the keys of groups; None if these have some that are the same in every batch."""
+        if told.numbered:
+            return None
+        known: dict[int, int] = {}
+        keys: list[int] = []
+        for one in self._last_runs.keys(told.groups, alike):
+            number = _UNKNOWN if one is None else known.get(one[0])
+            if one is not None and number is None:
+                number = self._names.get(told.name(one[1]), _UNKNOWN)
+                if told.found.key is not None:
+                    known[one[0]] = number
+            keys.append(number)
+        return keys
 
     def _add_rows(self, kept: KeyRuns, told: _Told, piece: Piece) -> None:
         """Add occurrences of one key that are in one run, and not counted in another one."""
@@ -162,34 +212,38 @@ class Findings:
 
     def _kept_apart(self, told: _Told, alike: AlikeRuns, about: tuple[int, int, int, int], row: int) -> KeyRuns | None:
         """Return the runs of a bus, a node, the number of a type, and the key of a row; None if there is no room."""
-        (bus, node, number, _), found, shared = about, told.found, alike.shared
+        (bus, node, number, _), shared = about, alike.shared
         full, keyed = len(self.kept) >= MOST_GROUPS, told.page.key
         if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
-            alike.leave_out(about[:3])
+            self._last_runs.leave_out(alike.number, about[:3])
             return None
-        named = told.page.key_of((found.key_values or found.values)(row)) if keyed else ""
-        known: tuple[int, int, int, int | str] = (bus, node, number, named if keyed else 0)
-        if found.lasts:
-            known = about
-        kept = alike.known.get(known)
-        if kept is None:
-            type_ = told.view.type_name(number)
-            kept = self._apart(FindingKey(shared.rule, shared.severity, bus, node, type_, named, shared.dialects))
-            if kept is not None:
-                alike.known[known] = kept
-            elif not keyed:
-                alike.leave_out(about[:3])
+        named = told.name(row)
+        type_ = told.view.type_name(number)
+        kept = self._apart(FindingKey(shared.rule, shared.severity, bus, node, type_, named, shared.dialects))
+        if kept is not None:
+            key = about[3] if told.numbered else self._names.setdefault(named, len(self._names))
+            kept.know(alike.number, (bus, node, number, key))
+        elif not keyed:
+            self._last_runs.leave_out(alike.number, about[:3])
         return kept
 
-    def _alike_of(self, found: Occurrences, noted: bool, doubtful: bool) -> AlikeRuns:
-        """Return the runs of such occurrences; `doubtful`: their values may be those of another reading."""
+    def _alike_of(self, found: Occurrences) -> tuple[AlikeRuns, ...]:
+        """Return the runs of such occurrences: plain ones, doubtful ones, and those of which lost frames are the cause.
+
+        The values of doubtful ones may be those of another reading.
+        """
         dialects = tuple(found.dialects.items())
-        kind = found.rule, found.severity, dialects, noted, doubtful
+        kind = found.rule, found.severity, dialects, found.lasts
         alike = self._alike.get(kind)
         if alike is None:
-            severity = self._severity(found.rule, found.severity, noted)
-            dialects += tuple(TURNED.items()) if doubtful else ()
-            alike = self._alike[kind] = AlikeRuns(FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects))
+            begin = 4 * len(self._alike)
+            turned = dialects + tuple(TURNED.items())
+            shared = [
+                FindingKey(found.rule, self._severity(found.rule, found.severity, noted), -1, -1, "", FURTHER, one)
+                for noted in (False, True)
+                for one in (dialects, turned)
+            ]
+            alike = self._alike[kind] = tuple(AlikeRuns(begin + at, one) for at, one in enumerate(shared))
         return alike
 
     def _counted(self, kept: KeyRuns, first: tuple[int, int], last: tuple[int, int], count: int) -> int | None:
@@ -242,7 +296,8 @@ class Findings:
         """Return the runs of a key, which has its place from now on."""
         kept = self.kept.get(key)
         if kept is None:
-            kept = self.kept[key] = KeyRuns(key, self._rules[key.rule])
+            kept = self.kept[key] = KeyRuns(key, self._rules[key.rule], self._last_runs)
+            self._numbered.append(kept)
             self.spots.setdefault(kept.spot, []).append(key)
             self.keys.setdefault(kept.spot.where, []).append(key)
         return kept
@@ -264,7 +319,7 @@ class Findings:
 
     def _mark(self, kept: KeyRuns) -> None:
         """Note that something was added."""
-        self.changes += 1
+        self._added += 1
         if not kept.changed:
             kept.changed = True
             self._changed.append(kept)

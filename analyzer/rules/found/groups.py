@@ -27,7 +27,7 @@ def groups_of(found: Occurrences, near_drops: Array | None, apart: Apart) -> Occ
     They come in pieces, each of which belongs to one run, as `apart` says.
     """
     places = found.t, found.frame, found.bus, found.node, found.type
-    masks = [None if mask is None else mask.astype(np.uint8) for mask in (near_drops, found.doubtful)]
+    masks = [None if mask is None else mask.view(np.uint8) for mask in (near_drops, found.doubtful)]
     key = None if found.key is None else _numbers(found.key)
     return OccurrenceGroups([np.asarray(column, np.int64) for column in places], key, masks, apart)
 

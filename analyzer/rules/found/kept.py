@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.found.runs import closeness
 
 if TYPE_CHECKING:
+    from analyzer._native import LastRuns
     from analyzer.rules.catalogue import Page
     from analyzer.rules.found.keys import FindingKey
     from analyzer.rules.found.runs import OccurrenceRun
-
-MOST_BEYOND = 1 << 12
 
 
 class RuleRuns:
@@ -32,14 +31,41 @@ class RuleRuns:
 
 
 class KeyRuns:
-    """The runs of a key, in order of time; `changed` if something was added since somebody asked."""
+    """The runs of a key, in order of time; `changed` if something was added since somebody asked.
 
-    __slots__ = ("changed", "key", "rule", "runs", "spot")
+    The core counts, in `last_runs`, what goes on with the last one, if this is `counted` there.
+    """
 
-    def __init__(self, key: FindingKey, rule: RuleRuns) -> None:
+    __slots__ = ("_last_runs", "_runs", "changed", "counted", "key", "number", "rule", "spot")
+
+    def __init__(self, key: FindingKey, rule: RuleRuns, last_runs: LastRuns) -> None:
         self.key, self.rule, self.spot = key, rule, key.spot
-        self.runs: list[OccurrenceRun] = []
-        self.changed = False
+        self.number = last_runs.add()
+        self.counted = self.changed = False
+        self._last_runs = last_runs
+        self._runs: list[OccurrenceRun] = []
+
+    @property
+    def runs(self) -> list[OccurrenceRun]:
+        """The runs with all that was counted."""
+        more = self._last_runs.take(self.number) if self.counted else None
+        if more is not None:
+            run = self._runs[-1]
+            run.count += more[0]
+            run.last = more[1]
+        return self._runs
+
+    def know(self, alike: int, about: tuple[int, int, int, int]) -> None:
+        """Have the core count what is `alike` and of a bus, a node, and the numbers of a type and of a key."""
+        self.counted = True
+        self._last_runs.know(alike, about, self.number)
+
+    def tell(self) -> None:
+        """Tell the core what the last run is now."""
+        if self.counted:
+            run = self._runs[-1]
+            full = run.examples[-1][:2] if len(run.examples) == run.most else None
+            self._last_runs.tell(self.number, None if run.episode is not None else (run.first, run.last, full))
 
     def before(self, place: tuple[int, int]) -> OccurrenceRun | None:
         """Return the last run that began before a place."""
@@ -50,22 +76,11 @@ class KeyRuns:
         return runs[at - 1] if at else None
 
 
-class AlikeRuns:
+class AlikeRuns(NamedTuple):
     """The runs of occurrences that are alike but for bus, node, type and key.
 
-    `shared` is the key of what comes when no more keys are kept apart, `known` has those that are, by what tells them
-    apart. `beyond` are buses, nodes and types of which none is, and none will be.
+    `number` is theirs alone, `shared` the key of what comes when no more keys are kept apart.
     """
 
-    __slots__ = ("beyond", "known", "shared")
-
-    def __init__(self, shared: FindingKey) -> None:
-        self.shared = shared
-        self.known: dict[tuple[int, int, int, str | int], KeyRuns] = {}
-        self.beyond: set[tuple[int, ...]] = set()
-
-    def leave_out(self, about: tuple[int, ...]) -> None:
-        """Note that nothing of a bus, a node and the number of a type will be kept apart."""
-        if len(self.beyond) >= MOST_BEYOND:
-            self.beyond.clear()
-        self.beyond.add(about)
+    number: int
+    shared: FindingKey
