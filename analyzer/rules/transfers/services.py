@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import chain, islice
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -33,6 +33,7 @@ MOST_LINKS = 1024  # older ones are left out
 _WHOLE = np.array([word in {"ok", "unchecked", "bad crc"} for word in STATUSES])
 _NODES = 128
 _LEAST = 64  # slots
+_SIZE = 8  # bytes of the number of a frame
 _NEVER = (1 << 63) - 1  # the number of a frame that there is not
 # Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
 _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
@@ -41,10 +42,10 @@ _STRAY, _MISSED, _SLOW, _REPEATED, _PRIORITY = range(5)  # what the core says of
 
 
 class _Parts:
-    """Requests and responses, a row each: cells are i64, and the numbers of all frames.
+    """Requests and responses, a row each: cells are i64, and the numbers of all frames, 8 bytes each.
 
-    `lines` are those of a transfer whose frames may be gone when it is told, else None; `unread` is the first frame as
-    long as there are none.
+    `lines` is the text of a transfer whose frames may be gone when it is told, else None; `unread` is its first frame
+    as long as there is none. Bytes and texts are nothing for the garbage collector to go through.
     """
 
     def __init__(self, cells: Array, frames: Array, lines: Array) -> None:
@@ -69,9 +70,9 @@ class _Parts:
         for place, column in enumerate(columns):
             cells[place] = column[rows]
         offsets, numbers = Lists(*t.frame_lists).take(rows)
-        every, frames = iter(numbers.tolist()), np.empty(len(rows), object)
-        for k, size in enumerate((offsets[1:] - offsets[:-1]).tolist()):
-            frames[k] = tuple(islice(every, size))
+        every, frames = numbers.astype(np.int64).tobytes(), np.empty(len(rows), object)
+        for k, (begin, end) in enumerate(pairwise((offsets * _SIZE).tolist())):
+            frames[k] = every[begin:end]
         return cls(cells, frames, np.full(len(rows), None))
 
     def __deepcopy__(self, _memo: object) -> Self:
@@ -103,22 +104,21 @@ class _Parts:
 
     def frames(self, k: int) -> tuple[int, ...]:
         """Return the numbers of the frames of one."""
-        found: tuple[int, ...] = self._frames[k]
-        return found
+        return tuple(np.frombuffer(self._frames[k], np.int64).tolist())
 
     def evidence(self, view: View, k: int) -> tuple[str, ...]:
         """Return one as candump writes it."""
-        kept: tuple[str, ...] | None = self._lines[k]
-        return view.lines(self.frames(k)) if kept is None else kept
+        kept: str | None = self._lines[k]
+        return view.lines(self.frames(k)) if kept is None else tuple(kept.splitlines())
 
     def keep_lines(self, view: View, end: int) -> None:
         """Keep the lines of those that begin before frame `end`."""
         rows = (self._unread < end).nonzero()[0]
         if len(rows):
-            some = [numbers[:MOST_LINES] for numbers in self._frames[rows]]
-            every = iter(view.each_line(np.array([*chain.from_iterable(some)], np.int64)).tolist())
+            some = [numbers[: MOST_LINES * _SIZE] for numbers in self._frames[rows]]
+            every = iter(view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist())
             for k, numbers in zip(rows.tolist(), some, strict=True):
-                self._lines[k] = tuple(filter(None, islice(every, len(numbers))))
+                self._lines[k] = "\n".join(filter(None, islice(every, len(numbers) // _SIZE)))
             self._unread[rows] = _NEVER
 
 
