@@ -56,7 +56,7 @@ class _Remainders(NamedTuple):
     @property
     def old(self) -> Array:
         """A mask of those with frames that may be gone."""
-        found: Array = np.logical_or.reduceat(self.frames.kept == 1, self.offsets[:-1])
+        found: Array = np.logical_or.reduceat(self.frames.kept != 0, self.offsets[:-1])
         return found
 
     def numbers(self, k: int) -> list[int]:

@@ -68,7 +68,7 @@ class OutOfOrder:
             waiting = LooseFrames.joined(self._waiting)
             ready = int(waiting.number.searchsorted(view.frames.first + len(view.frames) - AHEAD))
             self._waiting = []
-            self.add(waiting.take(np.arange(ready, len(waiting))))
+            self.add(waiting.take(slice(ready, None)))
             yield from self._report(view, waiting.take(slice(ready)))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:

@@ -75,7 +75,7 @@ class UnassignedFrames(Rule):
         self._held = LooseFrames.joined((self._held, wait))
         over = len(self._held) - MOST_HELD
         if over > 0:
-            oldest, self._held = self._held.take(slice(over)), self._held.take(np.arange(over, len(self._held)))
+            oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
             yield from self._report(view, oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -135,7 +135,7 @@ class UnassignedFrames(Rule):
     def _report(self, view: View, frames: LooseFrames) -> Iterator[Occurrences]:
         if not len(frames):
             return
-        kinds, kept = frames.kinds, frames.kept == 1
+        kinds, kept = frames.kinds, frames.kept != 0
         every = int(np.bitwise_or.reduce(kinds))
         of_kind = [(kind, kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS) if every >> k & 1]
         each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~kept, kept)]
