@@ -172,14 +172,14 @@ class Services(Rule):
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
         frames = view.frames
-        rows = np.flatnonzero((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0))
+        rows = ((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0)).nonzero()[0]
         if len(rows):
             links = distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK)
             self._calls.hold(np.array(links, np.int64))
 
     def _first_heard(self, who: Array) -> tuple[Array, Array]:
         """Return the first row of each node that was not heard before, in order, and the node."""
-        new = np.flatnonzero(~self._heard[who])
+        new = (~self._heard[who]).nonzero()[0]
         order, begins = by_key(who[new])
         rows = np.sort(new[order[begins]])
         self._heard[who[rows]] = True
@@ -224,9 +224,9 @@ class Services(Rule):
         until = parts.t_end + ANSWER
         alive = ~self._nodes.all_silent(parts.bus, parts.dst, until, view.end)
         if view.paused(int(parts.t_end.min()), int(until.max())):  # else there is no gap anywhere near
-            for k in np.flatnonzero(alive).tolist():
+            for k in alive.nonzero()[0].tolist():
                 alive[k] = not view.paused(parts.t_end.item(k), until.item(k))
-        rows = np.flatnonzero(alive)
+        rows = alive.nonzero()[0]
         if not len(rows):
             return
         missed = parts.take(rows)
