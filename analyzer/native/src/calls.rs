@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::iter::once;
 
 const NO_TIME: i64 = i64::MIN;
 const NODES: i64 = 128;
@@ -80,6 +81,11 @@ impl Call {
 }
 
 impl Call {
+    /// What the request and the response are called.
+    fn names(&mut self) -> impl Iterator<Item = &mut i64> {
+        once(&mut self.request.id).chain(self.response.as_mut())
+    }
+
     fn answer(&mut self, part: &Part, limits: &Limits, events: &mut Vec<Event>) {
         let request = self.request;
         let timed = part.t_end != NO_TIME && request.t_end != NO_TIME;
@@ -104,12 +110,16 @@ impl Call {
 }
 
 /// The calls of one client and one server for one service: what waits, and calls by transfer ID.
+///
+/// `gone` are transfers of which nothing is to be said any more, `grown` says whether there are some without a slot.
 #[derive(Clone, Debug, Default)]
 struct Talk {
     waiting: VecDeque<Part>,
     calls: Vec<Call>,
     asked: bool,
     answered: bool,
+    gone: Vec<i64>,
+    grown: bool,
 }
 
 impl Talk {
@@ -118,6 +128,7 @@ impl Talk {
         self.waiting.insert(at, part);
         self.asked |= part.asks;
         self.answered |= !part.asks;
+        self.grown = true;
     }
 
     /// Takes the next transfer in the order of the capture.
@@ -128,16 +139,23 @@ impl Talk {
         match call {
             Some(call) if part.asks => {
                 call.judge(part.t, limits, events);
+                self.gone.extend(call.names().map(|name| *name));
                 *call = Call::from(part);
             }
             None if part.asks => self.calls.push(Call::from(part)),
-            _ if !part.whole => {}
-            Some(call) if part.t.saturating_sub(call.request.t) <= limits.open => call.answer(&part, limits, events),
-            _ => events.push(Event {
-                kind: Kind::Stray,
-                part: part.id,
-                other: None,
-            }),
+            _ if !part.whole => self.gone.push(part.id),
+            Some(call) if part.t.saturating_sub(call.request.t) <= limits.open => {
+                self.gone.extend(call.response.is_some().then_some(part.id));
+                call.answer(&part, limits, events);
+            }
+            _ => {
+                self.gone.push(part.id);
+                events.push(Event {
+                    kind: Kind::Stray,
+                    part: part.id,
+                    other: None,
+                });
+            }
         }
     }
 
@@ -149,8 +167,13 @@ impl Talk {
         for call in &mut self.calls {
             call.judge(until, limits, events);
         }
-        self.calls
-            .retain(|call| until.saturating_sub(call.request.t) <= limits.open);
+        self.calls.retain_mut(|call| {
+            let open = until.saturating_sub(call.request.t) <= limits.open;
+            if !open {
+                self.gone.extend(call.names().map(|name| *name));
+            }
+            open
+        });
     }
 
     /// Takes all that waits, and what is still open at the end.
@@ -161,6 +184,12 @@ impl Talk {
         for call in &mut self.calls {
             call.judge(end, limits, events);
         }
+    }
+
+    /// What all transfers are called.
+    fn names(&mut self) -> impl Iterator<Item = &mut i64> {
+        let waiting = self.waiting.iter_mut().map(|part| &mut part.id);
+        waiting.chain(self.calls.iter_mut().flat_map(Call::names))
     }
 }
 
@@ -184,6 +213,17 @@ pub struct Calls {
     held: HashSet<i64>,
     heard: HashSet<i64>,
     now: i64,
+    gone: Vec<i64>, // of links that are followed no more
+    slots: i64,
+    free: Vec<i64>,
+}
+
+/// Which new transfers may still be told and are called by a slot from now on, and which slots were left before.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    pub new: Vec<i64>,
+    pub slots: Vec<i64>,
+    pub left: Vec<i64>,
 }
 
 impl Calls {
@@ -196,6 +236,9 @@ impl Calls {
             held: HashSet::new(),
             heard: HashSet::new(),
             now: NO_TIME,
+            gone: vec![],
+            slots: 0,
+            free: vec![],
         }
     }
 
@@ -223,6 +266,8 @@ impl Calls {
                 if let Some((_, oldest)) = self.order.pop_first() {
                     if let Some(mut talk) = self.talks.remove(&oldest) {
                         talk.settle(end, &self.limits, events);
+                        self.gone.append(&mut talk.gone);
+                        self.gone.extend(talk.names().map(|name| *name));
                     }
                 }
             }
@@ -255,22 +300,28 @@ impl Calls {
         }
     }
 
-    /// The transfers that may still be told: from now on they are called by their places here.
-    pub fn living(&mut self) -> Vec<i64> {
-        let mut living = vec![];
-        let mut rename = |id: &mut i64| {
-            living.push(*id);
-            *id = living.len() as i64 - 1;
-        };
-        for link in self.order.values() {
-            let Some(talk) = self.talks.get_mut(link) else { continue };
-            talk.waiting.iter_mut().for_each(|part| rename(&mut part.id));
-            for call in &mut talk.calls {
-                rename(&mut call.request.id);
-                call.response.iter_mut().for_each(&mut rename);
-            }
+    /// Gives slots to the transfers that may still be told and have none: those that are called `begin` or more.
+    pub fn keep(&mut self, begin: i64) -> Kept {
+        let mut kept = Kept::default();
+        for talk in self.talks.values_mut() {
+            self.gone.append(&mut talk.gone);
         }
-        living
+        kept.left.extend(self.gone.drain(..).filter(|&name| name < begin));
+        self.free.extend(&kept.left);
+        for link in self.order.values() {
+            let Some(talk) = self.talks.get_mut(link).filter(|talk| talk.grown) else {
+                continue;
+            };
+            for name in talk.names().filter(|name| **name >= begin) {
+                let slot = self.free.pop().unwrap_or(self.slots);
+                self.slots = self.slots.max(slot + 1);
+                kept.new.push(*name - begin);
+                kept.slots.push(slot);
+                *name = slot;
+            }
+            talk.grown = false;
+        }
+        kept
     }
 
     /// A request waits for a sign of its server, and for a response that may have been sent, but is not out yet.

@@ -14,7 +14,7 @@ from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
 from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
-from analyzer.rules.transfers.lists import picked
+from analyzer.rules.transfers.lists import picked, placed
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.frame_text import FrameNumber, FrameText
@@ -32,6 +32,7 @@ _BEFORE = 48  # frames of a session among which a copy finds the one that it is 
 _SOUND = tuple(STATUSES.index(name) for name in ("ok", "unchecked"))
 _COMPLETE = (*_SOUND, STATUSES.index("bad crc"))
 _SINGLE_WITH_TOGGLE = TAIL_START | TAIL_END | TAIL_TOGGLE
+_ROOM = (64, 8)  # bytes in a full frame: of CAN FD, and else
 _MARKED = 100.0  # ms; the core marks longer pauses
 _MOST = 4  # frames that are named in a line
 NEAR = 4096  # frames that are looked through for the other one of two transfers
@@ -79,7 +80,7 @@ def paused(view: View) -> Iterator[Occurrences]:
     if longest >= _MARKED:
         rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
     else:
-        rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+        rows = ((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND)).nonzero()[0]
     if not len(rows):
         return
     begins, numbers = t.frame_lists
@@ -110,7 +111,7 @@ def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
     at = f.t[number - f.first]
     pause = np.diff(at) / MILLISECOND
     timed = (at[:-1] != NO_TIME) & (at[1:] != NO_TIME)
-    before = np.flatnonzero((of[1:] == of[:-1]) & timed & (pause > longest))
+    before = ((of[1:] == of[:-1]) & timed & (pause > longest)).nonzero()[0]
     row = of[before]
     src, code = t.src[row].astype(np.int64), t.code[row]
 
@@ -154,7 +155,7 @@ def _took(view: View, row: int) -> Values:
 def _part_full(view: View, row: int) -> Values:
     frames = _known(view, view.transfers.frames(row)[:-1])
     for number, kept in frames:
-        if len(kept.data) < (64 if view.transfers.fd[row] else 8):
+        if len(kept.data) < _ROOM[0 if view.transfers.fd[row] else 1]:
             return {"length": len(kept.data), "frame": FrameNumber.at(number)}
     return {"length": GONE, "frame": GONE}
 
@@ -164,10 +165,21 @@ def _followed(view: View, rows: Array) -> Array:
 
     If it is the last, the end is missing and not a byte.
     """
-    status = view.transfers.status
-    open_ends = {row for row in rows.tolist() if status[row] not in _COMPLETE}
-    spared = {row for row in open_ends if _part_full(view, row)["frame"] == GONE}
-    return np.array([row for row in rows.tolist() if row not in spared], np.int64)
+    t, f = view.transfers, view.frames
+    found = np.isin(t.status[rows], _COMPLETE)
+    left = (~found).nonzero()[0]
+    here = t.lead[rows[left]] >= f.first
+    for k in left[~here].tolist():
+        found[k] = _part_full(view, rows.item(k))["frame"] != GONE
+    left = left[here]
+    offsets, numbers = t.frame_lists
+    begin, end = offsets[rows[left]], offsets[rows[left] + 1] - 1
+    ends, places = placed(begin, end - begin)
+    room = np.where(t.fd[rows[left]], *_ROOM).repeat(end - begin)
+    short = np.zeros(len(places) + 1, np.int64)
+    (f.length[numbers[places].astype(np.int64) - f.first] < room).cumsum(out=short[1:])
+    found[left] = short[ends[1:]] > short[ends[:-1]]
+    return rows[found]
 
 
 def _last(view: View, row: int) -> Values:
@@ -202,7 +214,7 @@ def _only_orphans(view: View, rows: Array) -> Array:
     found = here.copy()
     found[~here] = [_has_only_orphans(view, row) for row in rows[~here].tolist()]
     for most in (1, NEAR):  # mostly the first one says it
-        left = np.flatnonzero(here & found)
+        left = (here & found).nonzero()[0]
         row, at = rows[left], first[left] - f.first
         high = np.minimum(numbers[ends[row + 1] - 1].astype(np.int64), first[left] + NEAR)
         columns = first[left] + 1, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]

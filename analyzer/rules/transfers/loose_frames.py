@@ -32,8 +32,8 @@ class LooseFrames:
     """Frames outside of transfers, a row each: cells as in the table of frames, senders and types, all of them int64.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
-    data. `kinds` are bits that say what is told of each. Those are `kept` that waited from one batch to another: their
-    lines are looked up when they are told, or before the frames are gone.
+    data. `kinds` are bits that say what is told of each. Those are `kept` (1) that waited from one batch to another:
+    their lines are looked up when they are told, or before the frames are gone (2).
 
     Args:
         cells: the columns, one below the other.
@@ -154,14 +154,14 @@ class LooseFrames:
 
     def keep_lines(self, view: View) -> None:
         """Keep the lines of all: they are of earlier batches, and the frames may be gone when they are told."""
-        self.kept[:] = 1
-        first = view.frames.first
-        old = (self.number < min(first, first + len(view.frames) - SOON_GONE)).nonzero()[0]
+        kept, first = self.kept, view.frames.first
+        np.maximum(kept, 1, out=kept)
+        old = ((self.number < min(first, first + len(view.frames) - SOON_GONE)) & (kept == 1)).nonzero()[0]
         if len(old):
-            lines = _no_lines(len(self)) if self.lines is None else self.lines
-            old = old[~lines[old].astype(bool)]
-            lines[old] = view.each_line(self.number[old])
-            self.lines = lines
+            if self.lines is None:
+                self.lines = _no_lines(len(self))
+            self.lines[old] = view.each_line(self.number[old])
+            kept[old] = 2
 
     def look_up(self, view: View, rows: Array) -> list[str]:
         """Return the lines of some, empty ones of frames that are gone."""

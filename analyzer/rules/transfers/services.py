@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -10,8 +11,8 @@ from analyzer._native import Calls
 from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
-from analyzer.rules.recent import MOST_LINES
-from analyzer.rules.transfers.lists import Lists, placed
+from analyzer.rules.recent import MOST_LINES, SOON_GONE
+from analyzer.rules.transfers.lists import Lists
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
 
@@ -31,6 +32,9 @@ MOST = 256  # transfers of a link that wait
 MOST_LINKS = 1024  # older ones are left out
 _WHOLE = np.array([word in {"ok", "unchecked", "bad crc"} for word in STATUSES])
 _NODES = 128
+_LEAST = 64  # slots
+_SIZE = 8  # bytes of the number of a frame
+_NEVER = (1 << 63) - 1  # the number of a frame that there is not
 # Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
 _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 
@@ -38,72 +42,84 @@ _STRAY, _MISSED, _SLOW, _REPEATED, _PRIORITY = range(5)  # what the core says of
 
 
 class _Parts:
-    """Requests and responses, a row each, cells are i64.
+    """Requests and responses, a row each: cells are i64, and the numbers of all frames, 8 bytes each.
 
-    `lines` are those of a transfer of an earlier batch, whose frames may be gone when it is told, else None.
+    `lines` is the text of a transfer whose frames may be gone when it is told, else None; `unread` is its first frame
+    as long as there is none. Bytes and texts are nothing for the garbage collector to go through.
     """
 
-    def __init__(self, cells: Array, lines: Array, frames: Lists) -> None:
-        self._cells, self.lines, self._frames = cells, lines, frames
-        self.t, self.t_end, self.bus, self.src, self.dst, self.code, self.priority, self.transfer_id = cells
+    def __init__(self, cells: Array, frames: Array, lines: Array) -> None:
+        self._cells, self._frames, self._lines = cells, frames, lines
+        (
+            self.t, self.t_end, self.bus, self.src, self.dst, self.code, self.priority, self.transfer_id,
+            self.first, self._unread,
+        ) = cells  # fmt: skip
 
     @classmethod
-    def none(cls) -> Self:
-        """Return no rows."""
-        return cls(np.empty((8, 0), np.int64), np.empty(0, object), Lists.none(np.int64))
+    def blank(cls, rows: int) -> Self:
+        """Return rows for transfers that are not there yet."""
+        cells = np.zeros((10, rows), np.int64)
+        cells[-1] = _NEVER
+        return cls(cells, np.full(rows, None), np.full(rows, None))
 
     @classmethod
     def of(cls, t: TransferTable, rows: Array) -> Self:
         """Return rows of a batch."""
-        columns = t.t, t.t_end, t.bus, t.src, t.dst, t.code, t.priority, t.transfer_id
+        columns = t.t, t.t_end, t.bus, t.src, t.dst, t.code, t.priority, t.transfer_id, t.lead, t.lead
         cells = np.empty((len(columns), len(rows)), np.int64)
-        for k, column in enumerate(columns):
-            cells[k] = column[rows]
+        for place, column in enumerate(columns):
+            cells[place] = column[rows]
         offsets, numbers = Lists(*t.frame_lists).take(rows)
-        return cls(cells, np.full(len(rows), None), Lists(offsets, numbers.astype(np.int64)))
+        every, frames = numbers.astype(np.int64).tobytes(), np.empty(len(rows), object)
+        for k, (begin, end) in enumerate(pairwise((offsets * _SIZE).tolist())):
+            frames[k] = every[begin:end]
+        return cls(cells, frames, np.full(len(rows), None))
 
     def __deepcopy__(self, _memo: object) -> Self:
-        """Share it: it never changes once its lines are kept."""
-        return self
+        """Copy the columns: what is in them never changes."""
+        return type(self)(self._cells.copy(), self._frames.copy(), self._lines.copy())
 
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.t)
 
-    def joined(self, more: _Parts) -> _Parts:
-        """Return these and others behind them."""
-        cells = np.concatenate((self._cells, more._cells), axis=1)
-        return _Parts(cells, np.concatenate((self.lines, more.lines)), self._frames.joined(more._frames))
-
-    def take(self, rows: Array) -> _Parts:
+    def take(self, rows: Array) -> Self:
         """Return some of them."""
-        return _Parts(self._cells.take(rows, axis=1), self.lines[rows], self._frames.take(rows))
+        return type(self)(self._cells.take(rows, axis=1), self._frames[rows], self._lines[rows])
 
-    @property
-    def first(self) -> Array:
-        """The number of the first frame of each."""
-        return self._frames.cells[self._frames.offsets[:-1]]
+    def put(self, rows: Array, parts: _Parts) -> None:
+        """Put others in place of some."""
+        self._cells[:, rows] = parts._cells
+        self._frames[rows], self._lines[rows] = parts._frames, parts._lines
+
+    def clear(self, rows: Array) -> None:
+        """Leave none in place of some."""
+        self._unread[rows], self._frames[rows], self._lines[rows] = _NEVER, None, None
+
+    def twice(self) -> Self:
+        """Return these in twice as many rows."""
+        found = self.blank(2 * len(self))
+        found.put(np.arange(len(self)), self)
+        return found
 
     def frames(self, k: int) -> tuple[int, ...]:
         """Return the numbers of the frames of one."""
-        return tuple(self._frames.one(k))
+        return tuple(np.frombuffer(self._frames[k], np.int64).tolist())
 
     def evidence(self, view: View, k: int) -> tuple[str, ...]:
         """Return one as candump writes it."""
-        kept: tuple[str, ...] | None = self.lines[k]
-        return view.lines(self.frames(k)) if kept is None else kept
+        kept: str | None = self._lines[k]
+        return view.lines(self.frames(k)) if kept is None else tuple(kept.splitlines())
 
-    def keep_lines(self, view: View) -> None:
-        """Keep the lines of those of this batch."""
-        rows = np.flatnonzero(self.lines == None)  # noqa: E711 - of each one
-        if not len(rows):
-            return
-        offsets, numbers = self._frames
-        begin = offsets[rows]
-        ends, places = placed(begin, np.minimum(offsets[rows + 1] - begin, MOST_LINES))
-        every = view.each_line(numbers[places]).tolist()
-        for k, low, high in zip(rows.tolist(), ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-            self.lines[k] = tuple(filter(None, every[low:high]))
+    def keep_lines(self, view: View, end: int) -> None:
+        """Keep the lines of those that begin before frame `end`."""
+        rows = (self._unread < end).nonzero()[0]
+        if len(rows):
+            some = [numbers[: MOST_LINES * _SIZE] for numbers in self._frames[rows]]
+            every = iter(view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist())
+            for k, numbers in zip(rows.tolist(), some, strict=True):
+                self._lines[k] = "\n".join(filter(None, islice(every, len(numbers) // _SIZE)))
+            self._unread[rows] = _NEVER
 
 
 class Services(Rule):
@@ -118,7 +134,7 @@ class Services(Rule):
 
     def __init__(self) -> None:
         self._calls = Calls(ANSWER, SLOW, OPEN, LATE, MOST, MOST_LINKS)
-        self._kept = _Parts.none()  # what may still be told
+        self._kept = _Parts.blank(_LEAST)  # what may still be told, each in a slot
         self._nodes = HeardNodes(_GONE)
         self._heard = np.zeros(_NODES << 8, bool)  # by bus and node
         self._now = NO_TIME
@@ -131,45 +147,61 @@ class Services(Rule):
         if not len(t):
             return
         now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
-        rows = np.flatnonzero(t.kind >= REQUEST)
-        new = _Parts.of(t, rows)
-        asks = t.kind[rows] == REQUEST
-        client, server = np.where(asks, new.src, new.dst), np.where(asks, new.dst, new.src)
-        link = new.bus << 32 | t.type_id[rows].astype(np.int64) << 16 | client << 8 | server
-        small = (column.astype(np.uint8) for column in (new.transfer_id, new.priority, asks, _WHOLE[t.status[rows]]))
-        given = link, new.first, new.t, new.t_end, now[rows], *small, rows
-        parts, self._now = self._kept.joined(new), int(now[-1])
+        rows, begin = (t.kind >= REQUEST).nonzero()[0], len(self._kept)
+        self._now = int(now[-1])
         heard = self._first_heard(t.bus.astype(np.int64) * _NODES + t.src)
-        found = self._calls.feed(given, heard, len(self._kept), self._now, view.end)
-        yield from self._told(view, parts, found)
-        self._kept = parts.take(cells(self._calls.living(), np.int64))
-        self._kept.keep_lines(view)
+        found = self._calls.feed((*_given(t, rows), now[rows], rows), heard, begin, self._now, view.end)
+        yield from self._told(view, rows, found)
+        self._keep(view, rows, *(cells(column, np.int64) for column in self._calls.keep(begin)))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what the end of the capture leaves open."""
-        yield from self._told(view, self._kept, self._calls.finish(view.end))
+        yield from self._told(view, np.empty(0, np.int64), self._calls.finish(view.end))
+
+    def _keep(self, view: View, rows: Array, new: Array, slots: Array, left: Array) -> None:
+        """Keep the transfers in these places among rows of the batch, and the lines of all that will soon be gone."""
+        if len(left):
+            self._kept.clear(left)
+        if len(new):
+            while slots.max() >= len(self._kept):
+                self._kept = self._kept.twice()
+            self._kept.put(slots, _Parts.of(view.transfers, rows[new]))
+        first = view.frames.first
+        self._kept.keep_lines(view, min(first, first + len(view.frames) - SOON_GONE))
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
         frames = view.frames
-        rows = np.flatnonzero((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0))
+        rows = ((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0)).nonzero()[0]
         if len(rows):
             links = distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK)
             self._calls.hold(np.array(links, np.int64))
 
     def _first_heard(self, who: Array) -> tuple[Array, Array]:
         """Return the first row of each node that was not heard before, in order, and the node."""
-        new = np.flatnonzero(~self._heard[who])
+        new = (~self._heard[who]).nonzero()[0]
         order, begins = by_key(who[new])
         rows = np.sort(new[order[begins]])
         self._heard[who[rows]] = True
         return rows, who[rows]
 
-    def _told(self, view: View, parts: _Parts, found: tuple[Cells, Cells, Cells]) -> Iterator[Occurrences | Occurrence]:
+    def _parts(self, view: View, rows: Array, names: Array) -> _Parts:
+        """Return transfers by their slots, or by their places among rows of the batch, counted on from these."""
+        begin = len(self._kept)
+        old, new = (names < begin).nonzero()[0], (names >= begin).nonzero()[0]
+        found = _Parts.blank(len(names))
+        found.put(old, self._kept.take(names[old]))
+        found.keep_lines(view, _NEVER)
+        found.put(new, _Parts.of(view.transfers, rows[names[new] - begin]))
+        return found
+
+    def _told(self, view: View, rows: Array, found: tuple[Cells, Cells, Cells]) -> Iterator[Occurrences | Occurrence]:
         """Yield what the core says of transfers."""
         kind, part, other = (cells(column, np.int64) for column in found)
         if not len(kind):
             return
+        parts = self._parts(view, rows, np.concatenate((part, other[other >= 0])))
+        part, other = np.arange(len(part)), np.cumsum(other >= 0) - 1 + len(part)
         single = kind != _MISSED
         for what, k, beside in zip(*(column[single].tolist() for column in (kind, part, other)), strict=True):
             transfer_id, priority = parts.transfer_id.item(k), parts.priority.item(k)
@@ -192,9 +224,9 @@ class Services(Rule):
         until = parts.t_end + ANSWER
         alive = ~self._nodes.all_silent(parts.bus, parts.dst, until, view.end)
         if view.paused(int(parts.t_end.min()), int(until.max())):  # else there is no gap anywhere near
-            for k in np.flatnonzero(alive).tolist():
+            for k in alive.nonzero()[0].tolist():
                 alive[k] = not view.paused(parts.t_end.item(k), until.item(k))
-        rows = np.flatnonzero(alive)
+        rows = alive.nonzero()[0]
         if not len(rows):
             return
         missed = parts.take(rows)
@@ -205,6 +237,15 @@ class Services(Rule):
             frames=missed.frames, drops=True, until=until[rows], each_named=True,
             lines=lambda k: missed.evidence(view, k),
         )  # fmt: skip
+
+
+def _given(t: TransferTable, rows: Array) -> tuple[Array, ...]:
+    """Return what the core follows calls by: links, first frames, times, and transfer ID, priority, kind and status."""
+    src, dst, asks = t.src[rows].astype(np.int64), t.dst[rows].astype(np.int64), t.kind[rows] == REQUEST
+    client, server = np.where(asks, src, dst), np.where(asks, dst, src)
+    link = t.bus[rows].astype(np.int64) << 32 | t.type_id[rows].astype(np.int64) << 16 | client << 8 | server
+    small = t.transfer_id[rows], t.priority[rows], asks, _WHOLE[t.status[rows]]
+    return link, t.lead[rows], t.t[rows], t.t_end[rows], *(column.astype(np.uint8) for column in small)
 
 
 def _stray(view: View, parts: _Parts, k: int, transfer_id: int) -> Iterator[Occurrence]:

@@ -62,7 +62,7 @@ class UnassignedFrames(Rule):
         if not f.verdict.any() and not int(np.bitwise_or.reduce(f.anomaly)) & IMPOSSIBLE:
             return
         odd = (f.verdict > _FOREIGN) | ((f.verdict == _USED) & (f.anomaly & IMPOSSIBLE != 0) & (f.flags & FD == 0))
-        rows = np.flatnonzero(odd)
+        rows = odd.nonzero()[0]
         if not len(rows):
             return
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
@@ -75,7 +75,7 @@ class UnassignedFrames(Rule):
         self._held = LooseFrames.joined((self._held, wait))
         over = len(self._held) - MOST_HELD
         if over > 0:
-            oldest, self._held = self._held.take(slice(over)), self._held.take(np.arange(over, len(self._held)))
+            oldest, self._held = self._held.take(slice(over)), self._held.take(slice(over, None))
             yield from self._report(view, oldest)
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -86,7 +86,7 @@ class UnassignedFrames(Rule):
     def _follow(self, view: View) -> Array:
         """Note first transfers of sessions; return these sessions in order if any is new."""
         t = view.transfers
-        rows = np.flatnonzero(~t.has("step"))
+        rows = (~t.has("step")).nonzero()[0]
         if not len(rows):
             return rows
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
@@ -116,7 +116,7 @@ class UnassignedFrames(Rule):
             mask = np.zeros(len(held), bool)
             mask[at[held[at] == settled.number]] = True
             self._let_go(mask)
-        some = np.flatnonzero(settled.known & (settled.verdict != _FOREIGN))
+        some = (settled.known & (settled.verdict != _FOREIGN)).nonzero()[0]
         if not len(some):
             return LooseFrames.none()
         late = settled.of(some)
@@ -135,7 +135,7 @@ class UnassignedFrames(Rule):
     def _report(self, view: View, frames: LooseFrames) -> Iterator[Occurrences]:
         if not len(frames):
             return
-        kinds, kept = frames.kinds, frames.kept == 1
+        kinds, kept = frames.kinds, frames.kept != 0
         every = int(np.bitwise_or.reduce(kinds))
         of_kind = [(kind, kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS) if every >> k & 1]
         each = [(kind, (mask & now).nonzero()[0]) for kind, mask in of_kind for now in (~kept, kept)]
@@ -150,7 +150,7 @@ def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     found = np.zeros(len(anomaly), np.int16)
     for k, kind in enumerate(_KINDS):
         found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int16(1 << k)
-    starts = np.flatnonzero(found & _STARTS)
+    starts = (found & _STARTS).nonzero()[0]
     if not len(starts):
         return found
     later = _goes_on(view, frames.take(starts))

@@ -101,14 +101,56 @@ fn a_request_waits_for_a_sign_of_its_server() {
 fn what_waits_is_bounded() {
     let (mut calls, mut events) = (calls(), vec![]);
     (0..5).for_each(|k| calls.add(LINK, part(k, 100 + k, true), 100, &mut events));
-    assert_eq!(calls.living().len(), 4, "three that wait, and a call");
-    assert_eq!(calls.living(), [0, 1, 2, 3], "by their new names");
-    (1..3).for_each(|k| calls.add(LINK + (k << 8), part(9, 100, true), 1000, &mut events));
+    let kept = calls.keep(0);
+    assert_eq!(kept.new, [2, 3, 4, 1], "three that wait, and a call");
+    assert_eq!((kept.slots, kept.left), (vec![0, 1, 2, 3], vec![]));
+    (1..3).for_each(|k| calls.add(LINK + (k << 8), part(9 + k, 100, true), 1000, &mut events));
     assert_eq!(calls.talks.len(), 2, "the oldest one made room");
-    assert_eq!(calls.living().len(), 2);
+    let kept = calls.keep(10);
+    assert_eq!((kept.new, kept.slots.len()), (vec![0, 1], 2));
+    assert_eq!(sorted(kept.left), [0, 1, 2, 3]);
     assert_eq!(
         events.len(),
         1,
         "of the last request: each other one was followed by another at once"
     );
+}
+
+#[test]
+fn slots_are_left_by_what_is_told_no_more() {
+    let (mut calls, mut events) = (calls(), vec![]);
+    calls.add(LINK, part(0, 100, true), 100, &mut events);
+    calls.add(LINK, part(1, 101, true), 100, &mut events);
+    assert_eq!(calls.keep(0).slots, [0, 1]);
+    calls.add(LINK, part(64, 102, false), 100, &mut events);
+    calls.add(LINK, part(65, 103, false), 100, &mut events);
+    calls.go_on(133);
+    calls.release_all(&mut events);
+    assert_eq!(
+        events.last().map(|one| (one.kind, one.part, one.other)),
+        None,
+        "two wait"
+    );
+    let kept = calls.keep(64);
+    assert_eq!(
+        (&kept.new, &kept.slots, &kept.left),
+        (&vec![1, 0], &vec![0, 2], &vec![0]),
+        "the first call is over"
+    );
+    calls.go_on(135);
+    calls.release_all(&mut events);
+    assert_eq!(
+        events.last().map(|one| (one.kind, one.part, one.other)),
+        Some((Kind::Repeated, 0, Some(2))),
+        "by their slots"
+    );
+    assert_eq!(calls.keep(64).left, [0], "but not the response that answers");
+    calls.go_on(500);
+    calls.release_all(&mut events);
+    assert_eq!(sorted(calls.keep(64).left), [1, 2]);
+}
+
+fn sorted(mut slots: Vec<i64>) -> Vec<i64> {
+    slots.sort_unstable();
+    slots
 }

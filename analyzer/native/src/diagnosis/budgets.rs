@@ -68,10 +68,17 @@ struct Found {
     count: u32,
 }
 
+/// What was found of a sender, and how many shapes are kept apart.
+#[derive(Clone, Debug, Default)]
+struct Known {
+    counts: Vec<Found>,
+    apart: usize,
+}
+
 /// The causes that were found for each sender, by the shape of its transfers.
 #[derive(Clone, Debug)]
 pub struct Causes {
-    known: HashMap<i64, Vec<Found>>,
+    known: HashMap<i64, Known>,
     senders: usize,
     shapes: usize,
 }
@@ -91,16 +98,18 @@ impl Causes {
         if self.known.len() >= self.senders && !self.known.contains_key(&sender) {
             return;
         }
-        let counts = self.known.entry(sender).or_default();
+        let Known { counts, apart } = self.known.entry(sender).or_default();
         add(counts, None, cause);
-        if counts.iter().any(|one| one.shape == Some(shape)) || apart(counts) < self.shapes {
+        let new = !counts.iter().any(|one| one.shape == Some(shape));
+        if !new || *apart < self.shapes {
+            *apart += usize::from(new);
             add(counts, Some(shape), cause);
         }
     }
 
     /// The cause of at least such a part of all that had this shape, or else of all of its sender.
     pub fn like(&self, sender: i64, shape: i64, part: f64) -> Option<u32> {
-        let counts = self.known.get(&sender)?;
+        let Known { counts, .. } = self.known.get(&sender)?;
         let of = Some(shape).filter(|_| counts.iter().any(|one| one.shape == Some(shape)));
         let own = || counts.iter().filter(|one| one.shape == of);
         let all: f64 = own().map(|one| f64::from(one.count)).sum();
@@ -114,14 +123,6 @@ fn add(counts: &mut Vec<Found>, shape: Option<i64>, cause: u32) {
         Some(one) => one.count = one.count.saturating_add(1),
         None => counts.push(Found { shape, cause, count: 1 }),
     }
-}
-
-/// How many shapes are kept apart.
-fn apart(counts: &[Found]) -> usize {
-    let mut shapes: Vec<Option<i64>> = counts.iter().map(|one| one.shape).collect();
-    shapes.sort_unstable();
-    shapes.dedup();
-    shapes.len().saturating_sub(1)
 }
 
 #[cfg(test)]
@@ -155,7 +156,14 @@ mod tests {
             Some(5),
             "as with all: there is no room for another shape"
         );
-        assert_eq!(causes.known[&1].iter().filter(|one| one.shape == Some(9)).count(), 0);
+        assert_eq!(
+            causes.known[&1]
+                .counts
+                .iter()
+                .filter(|one| one.shape == Some(9))
+                .count(),
+            0
+        );
         (2..9).for_each(|sender| causes.note(sender, 3, 5));
         assert_eq!(causes.known.len(), 2);
     }

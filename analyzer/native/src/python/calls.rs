@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::buffer::Cells;
 use super::unfit;
-use crate::calls::{self, Event, Limits, Part};
+use crate::calls::{self, Event, Kept, Limits, Part};
 
 type Column<'py> = Bound<'py, Cells>;
 /// What is said (in the order of the core's kinds), of which transfer, and beside which other one, or -1: i64.
@@ -23,15 +23,15 @@ pub struct Given {
     #[pyo3(item(3))]
     t_end: PyBuffer<i64>,
     #[pyo3(item(4))]
-    now: PyBuffer<i64>,
-    #[pyo3(item(5))]
     transfer_id: PyBuffer<u8>,
-    #[pyo3(item(6))]
+    #[pyo3(item(5))]
     priority: PyBuffer<u8>,
-    #[pyo3(item(7))]
+    #[pyo3(item(6))]
     asks: PyBuffer<u8>,
-    #[pyo3(item(8))]
+    #[pyo3(item(7))]
     whole: PyBuffer<u8>,
+    #[pyo3(item(8))]
+    now: PyBuffer<i64>,
     #[pyo3(item(9))]
     row: PyBuffer<i64>,
 }
@@ -124,9 +124,12 @@ impl Calls {
         columns(py, &events)
     }
 
-    /// What the transfers that may still be told were called, i64: now they are called by their places in this.
-    fn living<'py>(&mut self, py: Python<'py>) -> PyResult<Column<'py>> {
-        Cells::own(py, self.0.living())
+    /// Which transfers of the batch that was fed last may still be told, their slots, and the slots that were left: i64.
+    ///
+    /// From now on they are called by these slots, which are taken once those that were left have no transfer any more.
+    fn keep<'py>(&mut self, py: Python<'py>, begin: i64) -> Events<'py> {
+        let Kept { new, slots, left } = self.0.keep(begin);
+        Ok((Cells::own(py, new)?, Cells::own(py, slots)?, Cells::own(py, left)?))
     }
 
     /// Another one that grows apart from this.
