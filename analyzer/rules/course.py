@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 2048  # as many, and two become one
 MOST_KEYS = 4096
+_MOST_AT_ONCE = 1 << 14  # steps of keys that are added up as a whole
 _NODES = 128
 _KEYS = 256 * _NODES
 
@@ -96,7 +97,12 @@ class _Series:
             rows = self._row_of[keys]
             known = rows >= 0
             rows, at, much = rows[known], at[known], much if isinstance(much, int) else much[known]
-        np.add.at(self._counts.reshape(-1), rows * MOST_STEPS + at, much)
+        first, count = (int(at.min()), int(at.max()) - int(at.min()) + 1) if len(at) else (0, 0)
+        if isinstance(much, int) and 0 < self._known * count <= _MOST_AT_ONCE:
+            some = np.bincount(rows * count + (at - first), minlength=self._known * count)
+            self._counts[: self._known, first : first + count] += much * some.reshape(self._known, count)
+        else:
+            np.add.at(self._counts.reshape(-1), rows * MOST_STEPS + at, much)
 
     def of(self, key: int) -> tuple[int, ...]:
         """Return the steps of a key, none of one that nobody has added to."""

@@ -34,16 +34,20 @@ def split(frames: FrameTable, bits: Array, origin: int) -> Seconds:
     times = [] if origin == NO_TIME else times_by_bus(frames)
     if not times:
         return Seconds(*(np.empty(0, np.int64) for _ in Seconds._fields))
-    parts = (_of_bus(one, frames, bits, origin) for one in times)
+    parts = [_of_bus(one, frames, bits, origin) for one in times]
+    if len(parts) == 1:
+        return parts[0]
     return Seconds(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _of_bus(one: BusTimes, frames: FrameTable, bits: Array, origin: int) -> Seconds:
     bus, rows, t = one.bus, one.rows, one.t
     index = (t - origin) // SECOND
-    starts = np.append(0, np.flatnonzero(index[1:] != index[:-1]) + 1)
+    begins = np.ones(len(t), bool)
+    np.not_equal(index[1:], index[:-1], out=begins[1:])
     if one.back:
-        starts = np.union1d(starts, set_back(t))
+        begins[set_back(t)] = True
+    starts = begins.nonzero()[0]
     own = bits if rows is None else bits[rows]
     sums = np.add.reduceat(own, starts, dtype=np.int64)
     counts = np.diff(starts, append=len(t))

@@ -13,6 +13,7 @@ from analyzer.facts.names import type_name
 from analyzer.rules.capture_gaps import GAP, CaptureGaps
 from analyzer.rules.joint.losses import JointLossSearch
 from analyzer.rules.load import bit_times, split
+from analyzer.rules.paces import Paces
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, SETTLED, TRANSFERS, empty
 from dissectors.kit import (
@@ -259,6 +260,10 @@ class BatchView:
     def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
         return self._past.recent.indexes(low, high)
+
+    def paced_reports(self, least: int, periods: float, fewest: int, span: int = 0) -> Paces:
+        """Return what looks for breaks in reports at a steady pace, of which there are none yet."""
+        return Paces(least, periods, fewest, span)
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them."""

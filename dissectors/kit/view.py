@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from dissectors.kit.decoded import Context, DecodedTable
     from dissectors.kit.definitions import Types
     from dissectors.kit.occurrence import Occurrences, Values
+    from dissectors.kit.paces import PacedReports
     from dissectors.kit.tables import EventTable, FrameTable, TransferTable
     from dissectors.schema import Message
 
@@ -224,6 +225,16 @@ class View(Protocol):
 
     def indexes(self, low: int, high: int) -> Sequence[Any]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
+
+    def paced_reports(self, least: int, periods: float, fewest: int, span: int = 0) -> PacedReports:
+        """Return what looks for breaks in reports at a steady pace, of which there are none yet.
+
+        Args:
+            least: shorter times than this in ns are no breaks.
+            periods: nor are shorter ones than so many periods.
+            fewest: reports that show a period.
+            span: how long in ns they have to go on, so that they are more than a few in a row.
+        """
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them, the first 16."""

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.keyed import KeyedRows
 from analyzer.rules.bus.sessions import (
     CODE_BITS,
     MOST_SESSIONS,
@@ -19,6 +18,7 @@ from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, KINDS, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME, by_key
+from tests.kit.keyed import KeyedRows
 
 if TYPE_CHECKING:
     from analyzer.rules.bus.sessions import BusFrames
@@ -128,7 +128,7 @@ class LacksInColumns:
             if not base:
                 self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
             self._heard[bus] = base + len(ours.row)
-            self._senders.setdefault(bus, set()).update(ours.nodes.node.tolist())
+            self._senders.setdefault(bus, set()).update(node_of(ours.codes).tolist())
             some = np.flatnonzero(~_beyond(ours, self._last, self._known))
             codes = ours.codes[some]
             new = self._last.find(codes) < 0

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from analyzer.rules.bus import sessions
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
-from analyzer.rules.bus.keyed import KeyedRows
-from analyzer.rules.bus.sessions import Session, bus_frames, first_rows
+from analyzer.rules.bus.sessions import Session, bus_frames
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
+from tests.kit.keyed import KeyedRows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,22 +86,14 @@ def test_gaps_of_nodes(rows: list[Heard], step: int) -> None:
             assert [gap[:3] for gap in nodes.gaps(bus, node, 3, 9)] == inside
 
 
-@given(captures)
-def test_the_last_gaps_of_each_node(rows: list[Heard]) -> None:
-    for frames in tables(rows, 40):
-        for ours in bus_frames(frames).values():
-            every, last = (np.stack(ours.gaps(LEAST, most), axis=1).tolist() for most in (40, 2))
-            nodes = range(len(ours.nodes.node))
-            assert last == [gap for node in nodes for gap in [one for one in every if one[0] == node][-2:]]
-
-
 @given(captures, st.sampled_from([1, 3, 40]))
 def test_transfers_begin(rows: list[Heard], step: int) -> None:
     sessions, found = HeardSessions(), {}
     for frames in tables(rows, step):
         for begun in sessions.feed(frames):
             heard = list(zip(*(column.tolist() for column in (begun.t, begun.number, begun.lost)), strict=True))
-            each = zip(map(Session.of, begun.codes.tolist()), begun.place.tolist(), pairwise(begun.first), strict=True)
+            first = pairwise([0, *begun.size.cumsum().tolist()])
+            each = zip(map(Session.of, begun.codes.tolist()), begun.place.tolist(), first, strict=True)
             for session, place, some in each:
                 found.setdefault(session, []).extend(heard[slice(*some)])
                 assert list(found)[place] == session
@@ -120,26 +112,43 @@ def test_transfers_begin(rows: list[Heard], step: int) -> None:
     assert found == expected
 
 
-kinds = st.tuples(st.integers(0, 3), st.integers(0, 2), st.integers(1, 3), st.integers(0, 1), st.booleans())
+Kind = tuple[int, int, int, int, bool]
+kinds = st.tuples(
+    st.integers(0, 3), st.sampled_from([0x3E8, 0x3E9]), st.sampled_from([0x0B, 0x0C, 0x0D]), st.integers(0, 1),
+    st.booleans(),
+)  # fmt: skip
 
 
-def _messages(rows: list[tuple[int, int, int, int, bool]]) -> Iterator[tuple[Session, int]]:
+def _messages(rows: list[Kind]) -> Iterator[tuple[Session, int]]:
     for k, (kind, type_id, src, bus, _) in enumerate(rows):
         if KINDS[kind] == "message":
             yield Session(bus, src, type_id), k
 
 
-@given(st.lists(kinds, max_size=40))
-def test_first_transfers(rows: list[tuple[int, int, int, int, bool]]) -> None:
-    names = {"kind": 0, "type_id": 1, "src": 2, "bus": 3}
-    columns: dict[str, list[object]] = {field.name: [None] * len(rows) if field.nullable else [] for field in TRANSFERS}
-    columns |= {name: [one[at] for one in rows] for name, at in names.items()}
-    batch = pa.RecordBatch.from_pydict(columns, schema=TRANSFERS)
-    expected = dict(reversed([*_messages(rows)]))
-    codes, found = first_rows(TransferTable(batch))
-    assert [*zip(map(Session.of, codes.tolist()), found.tolist(), strict=True)] == sorted(
-        expected.items(), key=lambda one: one[1]
-    )
+@given(captures, st.lists(st.lists(kinds, max_size=12), max_size=3))
+def test_sessions_are_proved_by_their_first_transfer(rows: list[Heard], parts: list[list[Kind]]) -> None:
+    sessions, proved = HeardSessions(), dict[int, int]()
+    places = dict.fromkeys(session_of(one) for one in sorted(rows, key=lambda one: session_of(one).code))
+    known: list[Session] = []
+    for frames in tables(rows, 40):
+        for begun in sessions.feed(frames):
+            known += map(Session.of, begun.codes.tolist())
+    assert set(known) == {session for session in places if not session.type_id >> 16}
+    for part in parts:
+        names = {"kind": 0, "type_id": 1, "src": 2, "bus": 3}
+        columns: dict[str, list[object]] = {one.name: [None] * len(part) if one.nullable else [] for one in TRANSFERS}
+        columns |= {name: [one[at] for one in part] for name, at in names.items()}
+        columns["variant"] = [int(one[4]) for one in part]
+        transfers = TransferTable(pa.RecordBatch.from_pydict(columns, schema=TRANSFERS))
+        new = {
+            known.index(session): transfers.code.item(k)
+            for session, k in reversed([*_messages(part)])
+            if session in known and known.index(session) not in proved
+        }
+        found = dict(zip(*(column.tolist() for column in sessions.prove(transfers)), strict=True))
+        assert found == new
+        assert list(found) == sorted(found, key=lambda place: known[place].code)
+        proved |= found
 
 
 def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,27 +159,6 @@ def test_another_thread_may_ask_for_its_batch_at_any_time(monkeypatch: pytest.Mo
     monkeypatch.setattr(sessions, "_known", Elsewhere())
     (table,) = tables([(0, IDS[0], 0, b"\xc0")], 1)
     assert list(bus_frames(table)) == [0]
-
-
-def test_there_is_room_for_what_is_known_and_was_heard_first() -> None:
-    rows = [(0, IDS[2], 0, b"\xc0"), (1, IDS[0], 0, b"\xc0"), (2, IDS[1], 0, b"\xc0"), (3, IDS[2], 0, b"\xc1")]
-    late, first, known = (session_of(rows[k]).code for k in (1, 0, 2))
-    ((_, ours),) = bus_frames(tables(rows, 4)[0]).items()
-    every = np.arange(3)
-
-    def beyond(most: int, *held: int) -> list[int]:
-        return ours.codes[ours.beyond(every, some_keys(most, *held))].tolist()
-
-    assert ours.codes[0] != first  # whose node comes last
-    assert beyond(2) == [known]
-    assert beyond(2, known) == [late]
-    assert beyond(3) == []
-
-
-def some_keys(most: int, *keys: int) -> KeyedRows:
-    found = KeyedRows({}, most)
-    found.add(np.array(keys, np.int64))
-    return found
 
 
 @given(st.lists(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 99)), max_size=8)), st.integers(0, 6))

@@ -5,10 +5,12 @@
 //! [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`], [`unpack`] ->
 //! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
 //! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`]
-//! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which transfers
-//! did not come, [`alike`] which frames come again, [`load`] how long one takes, [`motor`] how an ESC compares with its
-//! own past, [`grouped`] puts rows by key, [`runs`] occurrences by what they are of, [`last_runs`] counts those that go
-//! on with a finding, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them
+//! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which
+//! transfers did not come, [`heard`] when nodes and their types were heard, [`paces`] where reports at a steady pace
+//! break, [`silences`] which frame came last before a time without any, [`alike`] which frames come again, [`load`] how
+//! long one takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key, [`runs`] occurrences
+//! by what they are of, [`last_runs`] counts those that go on with a finding, [`rows`] writes the text of views, by
+//! templates, [`evidence`] frames of findings. None of them
 //! knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows
 //! Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
@@ -34,6 +36,7 @@ pub mod frame_batch;
 pub mod frames;
 pub mod grouped;
 pub mod groups;
+pub mod heard;
 pub mod id_nodes;
 pub mod joint;
 pub mod last_runs;
@@ -45,6 +48,7 @@ pub mod mcap;
 pub mod merge;
 pub mod motor;
 pub mod orphans;
+pub mod paces;
 pub mod packets;
 pub mod pcap;
 pub mod pcapng;
@@ -61,6 +65,7 @@ pub mod runs;
 pub mod session;
 pub mod sessions;
 pub mod short;
+pub mod silences;
 pub mod simd;
 pub mod slot;
 pub mod socketcan;

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from dissectors.kit import Occurrence, Rule
 
 if TYPE_CHECKING:
@@ -34,11 +32,12 @@ class Allocations(Rule):
         if table is None:
             return
         begins, every = table.lists("unique_id")
-        for row in np.flatnonzero(table.trusted).tolist():
+        given = (table.src != 0) & (begins[1:] - begins[:-1] == _ID_BYTES)
+        for row in (table.trusted & (given | (table.src == 0))).nonzero()[0].tolist():
             unique = every[begins.item(row) : begins.item(row + 1)].tobytes()
             bus, src, node = int(table.bus[row]), int(table.src[row]), int(table["node_id"][row])
             about = (int(table.t[row]), bus, src or None, ALLOCATION, tuple(view.transfers.frames(int(table.row[row]))))
-            if src and node and len(unique) == _ID_BYTES:
+            if src and node:
                 state = self._give(bus, unique, node)
                 values = {"unique_id": unique.hex().upper(), "given_node": node, "state": state or "given"}
                 yield Occurrence("BUS-030", *about, values, severity="error" if state else None)

@@ -26,6 +26,7 @@ SPREAD = 1.2  # seconds between an uptime and what the one before it lets expect
 BLIND = 5  # the same without times
 EXPIRY = 10 * SECOND  # after it a device that is not heard is gone
 ROUGHLY = 1.5  # seconds: an uptime is whole ones, and comes a little late
+_NODE_BITS = 8  # below the bus
 _Node = tuple[int, int]
 
 
@@ -64,7 +65,9 @@ class Uptimes(Rule):
     rules: ClassVar[tuple[str, ...]] = ("BUS-021", "BUS-010")
 
     def __init__(self) -> None:
-        self._last: dict[_Node, _Uptime] = {}
+        # The last uptime of each node, by bus and node in one number, and when it was told; -1 without one.
+        self._seconds: Array = np.empty(0, np.int64)
+        self._told: Array = np.empty(0, np.int64)
         self._doubts: dict[_Node, _Doubt] = {}
         self._two: dict[_Node, list[_Uptime]] = {}
         self._asked: dict[_Node, list[int]] = {}
@@ -90,32 +93,36 @@ class Uptimes(Rule):
         columns = (column[rows].tolist() for column in (table.bus, table.src, table.t, table["uptime_sec"]))
         for row, bus, src, t, uptime in zip(rows.tolist(), *columns, strict=True):
             node, here = (bus, src), _Uptime(t, uptime)
-            last = self._last.get(node)
-            if node in self._two or node in self._doubts or (last is not None and here.seconds < last.seconds):
+            if node in self._two or node in self._doubts or here.seconds < self._seconds[_code(node)]:
                 frames = tuple(view.transfers.frames(int(table.row[row])))
                 place = Occurrence("BUS-021", here.t, *node, NODE_STATUS, frames, {}, lines=view.lines(frames))
                 yield from self._doubtful(node, here, place)
             else:
-                self._last[node] = here
+                self._note(node, here)
 
     def _doubted(self, table: DecodedTable, rows: Array) -> Array:
         """Return rows of nodes whose uptime falls, or that are in doubt; note the last uptime of all others."""
-        order, first = by_key(table.bus[rows].astype(np.int64) << 8 | table.src[rows])
-        rows = rows[order]
-        said, looked_at = table["uptime_sec"][rows].astype(np.int64), np.ones(len(rows), bool)
+        if not len(rows):
+            return rows
+        order, first = by_key(table.bus[rows].astype(np.int64) << _NODE_BITS | table.src[rows])
+        rows, stop = rows[order], np.append(first[1:], len(rows))
+        said, last = table["uptime_sec"][rows].astype(np.int64), rows[stop - 1]
         falls = np.zeros(len(rows), bool)
         np.less(said[1:], said[:-1], out=falls[1:])
         falls[first] = False
-        fell = np.append(0, np.cumsum(falls)).tolist()
-        leads = rows[first]
-        begins = [*first.tolist(), len(rows)]
-        for k, node in enumerate(zip(table.bus[leads].tolist(), table.src[leads].tolist(), strict=True)):
-            start, stop, last = begins[k], begins[k + 1], self._last.get(node)
-            calm = fell[start] == fell[stop] and (last is None or said.item(start) >= last.seconds)
-            if calm and node not in self._two and node not in self._doubts:
-                self._last[node] = _Uptime(table.t.item(rows.item(stop - 1)), said.item(stop - 1))
-                looked_at[start:stop] = False
-        return np.sort(rows[looked_at])
+        nodes = table.bus[last].astype(np.int64) << _NODE_BITS | table.src[last]
+        more = ((int(nodes[-1]) >> _NODE_BITS) + 1 << _NODE_BITS) - len(self._seconds)
+        if more > 0:
+            self._seconds, self._told = (np.append(known, np.full(more, -1)) for known in (self._seconds, self._told))
+        calm = ~np.logical_or.reduceat(falls, first) & (said[first] >= self._seconds[nodes])
+        if self._two or self._doubts:
+            calm &= ~np.isin(nodes, [_code(node) for node in (*self._two, *self._doubts)])
+        self._seconds[nodes[calm]], self._told[nodes[calm]] = said[stop[calm] - 1], table.t[last[calm]]
+        return np.sort(rows[np.repeat(~calm, stop - first)])
+
+    def _note(self, node: _Node, here: _Uptime) -> None:
+        """Note the last uptime of a node."""
+        self._seconds[_code(node)], self._told[_code(node)] = here.seconds, here.t
 
     def finish(self, _view: View) -> Iterator[Occurrence]:
         """Yield restarts shortly before the end."""
@@ -160,7 +167,7 @@ class Uptimes(Rule):
             if doubt.seen < PATIENCE:
                 return
             del self._doubts[node]
-            self._last[node] = doubt.old if doubt.old_again else doubt.new
+            self._note(node, doubt.old if doubt.old_again else doubt.new)
             if doubt.can:
                 self._restarts.append(doubt.found)
         self._restart(node, here, place)
@@ -172,20 +179,26 @@ class Uptimes(Rule):
         other = None if mine is None else two[1 - mine]
         if mine is None or other is None or (here.t != NO_TIME and here.t - other.t > EXPIRY):
             del self._two[node]
-            self._last[node] = here
+            self._note(node, here)
             return
         two[mine] = here
         if mine:
             yield _two(place, _Doubt(place, two[0], two[1]))
 
     def _restart(self, node: _Node, here: _Uptime, place: Occurrence) -> None:
-        last = self._last.get(node, here)
-        self._last[node] = here
+        seconds, told = self._seconds.item(_code(node)), self._told.item(_code(node))
+        last = here if seconds < 0 else _Uptime(told, seconds)
+        self._note(node, here)
         if here.seconds >= last.seconds or (last.seconds >= WRAP - NEAR_WRAP and here.seconds < NEAR_WRAP):
             return
         values = {"before": last.seconds, "uptime": here.seconds}
         found = replace(place, values=values)
         self._doubts[node] = _Doubt(found, last, here, last.may_end(here.t, here.seconds))
+
+
+def _code(node: _Node) -> int:
+    """Return a node as one number."""
+    return node[0] << _NODE_BITS | node[1]
 
 
 def _two(place: Occurrence, doubt: _Doubt) -> Occurrence:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import HeardNodes
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, all_resumed, groups, resumptions
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, all_resumed, resumptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +31,9 @@ class StatusSilences(Rule):
     def __init__(self) -> None:
         self._nodes: HeardNodes | None = None
         self._first: dict[int, Occurrence] = {}
-        self._status: dict[int, tuple[int, ...]] = {}  # frames of the last NodeStatus
+        self._several: dict[
+            int, tuple[int, ...]
+        ] = {}  # of nodes: frames of the last NodeStatus if it had more than one
         # Of each node, `NO_TIME` without: when its last NodeStatus came, and the number of its first frame,
         self._since: Array = np.full(0, NO_TIME)
         self._lead: Array = np.full(0, NO_TIME)
@@ -77,49 +80,58 @@ class StatusSilences(Rule):
             active = _last_before(rows[late], code, timed, t.t, before)
             start, owes = self._owes(view, node[late], since[late], active)
             late, start, active = late[owes], start[owes], active[owes]
-            for one, some in groups(node[late]):
-                end = t.t[rows[late[some]]]
-                for k, silence in self._silences(view, one, start[some], active[some], end):
-                    at = late.item(some.item(k))
-                    last = self._last(one) if first[at] else _place(view, rows.item(at - 1), NODE_STATUS)
-                    yield replace(last, **silence)
+            for k, silence in self._silences(view, node[late], start, active, t.t[rows[late]]):
+                at = late.item(k)
+                last = self._last(node.item(at)) if first[at] else _place(view, rows.item(at - 1), NODE_STATUS)
+                yield replace(last, **silence)
         last_of = np.append(first[1:], True)
         rows, node = rows[last_of], node[last_of]
         self._since[node], self._lead[node] = t.t[rows], t.lead[rows]
-        for one, row in zip(node.tolist(), rows.tolist(), strict=True):
-            self._status[one] = tuple(t.frames(row))
+        offsets, _ = t.frame_lists
+        single = offsets[rows + 1] - offsets[rows] == 1
+        for one in self._several.keys() & set(node[single].tolist()) if self._several else ():
+            del self._several[one]
+        for one, row in zip(node[~single].tolist(), rows[~single].tolist(), strict=True):
+            self._several[one] = tuple(t.frames(row))
 
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Yield silences that lasted to the end, and nodes that never sent a NodeStatus."""
         for node, first in self._first.items():
             active = min(int(self._active[node]), view.before)  # the clock may have been set back since
-            if node in self._status:
-                start, late = self._owes(view, np.array([node]), self._since[[node]], np.array([active]))
-                for _, silence in self._silences(view, node, start[late], np.array([active])[late], view.before):
+            nodes, until = np.array([node]), np.array([active])
+            if self._lead[node] != NO_TIME:
+                start, late = self._owes(view, nodes, self._since[nodes], until)
+                for _, silence in self._silences(view, nodes[late], start[late], until[late], view.before):
                     yield replace(self._last(node), **silence)
             elif active - first.t > OFFLINE:
-                silent = self._then_silent(view, node, (np.array([first.t]), np.array([active])), view.before)
+                silent = self._then_silent(view, nodes, (np.array([first.t]), until), view.before)
                 values = {"seconds": (active - first.t) / SECOND, "then": _THEN[silent.item(0)]}
                 yield replace(first, values=values, severity="note")
 
     def _wake(self, view: View, code: Array) -> None:
-        """Note the first transfer of each node behind each gap."""
+        """Note the first transfer of each node behind the last gap that it spoke after."""
         t = view.transfers.t
-        known = np.flatnonzero(t != NO_TIME)
+        known = (t != NO_TIME).nonzero()[0]
         if not len(known):
             return
-        for begin in resumptions(view, int(t[known].min()), int(t[known].max())).tolist():
-            rows = known[t[known] >= begin]
-            rows = rows[self._woke[code[rows]] < begin][::-1]
-            self._woke[code[rows]] = t[rows]
+        t, code = t[known], code[known]
+        begins = resumptions(view, int(t.min()), int(t.max()))
+        if not (self._woke[code] < begins[-1]).any():
+            return
+        latest = np.full(len(self._woke), NO_TIME)
+        np.maximum.at(latest, code, t)
+        last = begins.searchsorted(latest, "right") - 1
+        since = np.where(last >= 0, begins[last], NO_TIME)
+        rows = ((t >= since[code]) & (self._woke[code] < since[code])).nonzero()[0][::-1]
+        self._woke[code[rows]] = t[rows]
 
     def _silences(
-        self, view: View, node: int, start: Array, active: Array, end: Array | int
+        self, view: View, node: Array, start: Array, active: Array, end: Array | int
     ) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield which of some silences a node owes, and what is said of them.
+        """Yield which of some silences their nodes owe, and what is said of them.
 
-        It was active from times to other ones, and its next NodeStatus are at `end`. Gaps blame nobody, and a node that
-        was silent for most of the time owes nothing for that.
+        These were active from times to other ones, and their next NodeStatus are at `end`. Gaps blame nobody, and a
+        node that was silent for most of the time owes nothing for that.
         """
         begin, stop = self._longest(node, start, active)
         mostly = 2 * (stop - begin) > active - start
@@ -127,7 +139,7 @@ class StatusSilences(Rule):
         start, active = np.where(mostly & ~before, stop, start), np.where(mostly & before, begin, active)
         owed = np.flatnonzero(active - start > view.number("BUS-020", "late_s") * SECOND)
         start, active, end = start[owed], active[owed], np.broadcast_to(end, mostly.shape)[owed]
-        then = self._then_silent(view, node, (start, active), end)
+        then = self._then_silent(view, node[owed], (start, active), end)
         for k, since, until, silent in zip(*(column.tolist() for column in (owed, start, active, then)), strict=True):
             severity: Severity | None = None if until - since > OFFLINE else "note"
             values = {"seconds": (until - since) / SECOND, "then": _THEN[silent]}
@@ -148,14 +160,15 @@ class StatusSilences(Rule):
     def _last(self, node: int) -> Occurrence:
         """Return the last NodeStatus of a node."""
         bus, src = divmod(node, _NODES)
-        return Occurrence("BUS-020", self._since.item(node), bus, src, NODE_STATUS, self._status[node], {})
+        frames = self._several.get(node, (self._lead.item(node),))
+        return Occurrence("BUS-020", self._since.item(node), bus, src, NODE_STATUS, frames, {})
 
-    def _longest(self, node: int, start: Array, stop: Array) -> tuple[Array, Array]:
-        """Return the longest times between two others in which a node was silent."""
-        return (stop, stop) if self._nodes is None else self._nodes.longest(*divmod(node, _NODES), start, stop)
+    def _longest(self, node: Array, start: Array, stop: Array) -> tuple[Array, Array]:
+        """Return the longest times between two others in which nodes were silent."""
+        return (stop, stop) if self._nodes is None else self._nodes.longest(node, start, stop)
 
-    def _then_silent(self, view: View, node: int, active: tuple[Array, Array], end: Array | int) -> Array:
-        """Return whether a node was silent after that, longer than while it was active."""
+    def _then_silent(self, view: View, node: Array, active: tuple[Array, Array], end: Array | int) -> Array:
+        """Return whether nodes were silent after that, longer than while they were active."""
         begin, stop = self._longest(node, *active)
         silent: Array = end - active[1] > np.maximum(view.number("BUS-020", "late_s") * SECOND, stop - begin)
         return silent
@@ -163,7 +176,7 @@ class StatusSilences(Rule):
 
 def _last_before(rows: Array, code: Array, timed: Array, t: Array, before: Array) -> Array:
     """Return when the node of each row spoke last in front of it; `before` is when nodes did in front of the batch."""
-    own = timed[np.argsort(code[timed], kind="stable")]
+    own = timed[grouped(code[timed])[0]]
     at = np.searchsorted(code[own] << _ROW_BITS | own, code[rows] << _ROW_BITS | rows) - 1
     last = own[np.maximum(at, 0)]
     found: Array = np.where((at >= 0) & (code[last] == code[rows]), t[last], before[code[rows]])

@@ -8,14 +8,15 @@ import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes, HeardSessions
-from analyzer.rules.bus.sessions import Session, first_rows
+from analyzer.rules.bus.sessions import Session
 from analyzer.rules.recent import SOON_GONE
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, Pauses, Rule, Starts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from dissectors.kit import Array, Severity, Values, View
+    from analyzer.rules.bus.heard import SessionBegins
+    from dissectors.kit import Array, PacedReports, Severity, Values, View
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _MOST = 4096  # breaks that wait
@@ -103,7 +104,7 @@ class Stopped(Rule):
         self._pauses = Pauses(0)
         self._starts = Starts()
         self._talks = _Talks()
-        self._paces = PacedReports(0, 0, 0)
+        self._paces: PacedReports | None = None
         self._doubts: list[_Doubt] = []
         self._unproved: dict[int, list[_Doubt]] = {}  # by place of a session that may be another protocol's
         self._told: dict[tuple[int, int, int], None] = {}  # gaps by bus, node and start, the last ones
@@ -112,26 +113,20 @@ class Stopped(Rule):
         """Look for breaks, and tell those that nothing can explain any more."""
         if view.start == NO_TIME:
             return
-        if self._nodes is None:
+        if self._nodes is None or self._paces is None:
             least = self._least(view)
             self._nodes, self._pauses = HeardNodes(least), Pauses(least)
             periods, fewest, seconds = (view.number("BUS-035", name) for name in ("periods", "min_reports", "min_s"))
-            self._paces = PacedReports(least, periods, int(fewest), round(seconds * SECOND))
+            self._paces = view.paced_reports(least, periods, int(fewest), round(seconds * SECOND))
         self._pauses.feed(view)
         self._starts.feed(view)
         self._nodes.feed(view.frames)
         for begun in self._sessions.feed(view.frames):
             self._talks.add(begun.place, begun.codes)
-            breaks = self._paces.feed(begun.place, begun.first[1:] - begun.first[:-1], begun.t, begun.lost)
-            for k, found in breaks:
-                place = begun.place.item(k)
-                if found.at < 0:
-                    last = self._talks.last(view, place)
-                else:
-                    number = begun.number.item(begun.first.item(k) + found.at)
-                    last = _Place(number, view.lines((number,)))
-                self._doubt(view, place, found, last)
-            self._talks.end(begun.place, begun.number[begun.first[1:] - 1])
+            breaks = self._paces.feed(begun.place, begun.size, begun.t, begun.lost)
+            if breaks:
+                self._break(view, begun, breaks)
+            self._talks.end(begun.place, begun.number[begun.size.cumsum() - 1])
         self._prove(view)
         self._talks.keep_lines(view)
         self._nodes.keep_lines(view)
@@ -139,7 +134,7 @@ class Stopped(Rule):
 
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Tell what is silent to the end."""
-        if self._nodes is None:
+        if self._nodes is None or self._paces is None:
             return
         self._nodes.finish(self._pauses.last)
         buses = [Session.of(code).bus for code in self._talks.session.tolist()]
@@ -150,6 +145,16 @@ class Stopped(Rule):
 
     def _least(self, view: View) -> int:
         return round(view.number("BUS-035", "min_ms") * MILLISECOND)
+
+    def _break(self, view: View, begun: SessionBegins, breaks: Sequence[tuple[int, Break]]) -> None:
+        """Keep breaks of sessions, of which each has its place among those that have begun something."""
+        first = begun.size.cumsum() - begun.size
+        new = [begun.number.item(first.item(k) + found.at) for k, found in breaks if found.at >= 0]
+        lines = zip(new, view.each_line(np.array(new, np.int64)).tolist(), strict=True)
+        before = (_Place(number, (line,) if line else ()) for number, line in lines)
+        for k, found in breaks:
+            place = begun.place.item(k)
+            self._doubt(view, place, found, self._talks.last(view, place) if found.at < 0 else next(before))
 
     def _doubt(self, view: View, place: int, found: Break, last: _Place, *, ends: bool = False) -> None:
         """Keep a break of a session behind its `last` report, if there is room."""
@@ -165,16 +170,9 @@ class Stopped(Rule):
 
     def _prove(self, view: View) -> None:
         """Note the types of sessions; those that have none may be another protocol's."""
-        talks = self._talks
-        if not (talks.code < 0).any():
-            return
-        codes, rows = first_rows(view.transfers)
-        places = self._sessions.places(codes)
-        known = np.flatnonzero(places >= 0)
-        known = known[talks.code[places[known]] < 0]
-        known = known[np.argsort(codes[known])]
-        talks.code[places[known]] = view.transfers.code[rows[known]]
-        for place in places[known].tolist():
+        places, codes = self._sessions.prove(view.transfers)
+        self._talks.code[places] = codes
+        for place in places.tolist() if self._unproved else ():
             self._doubts += self._unproved.pop(place, ())
 
     def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer import _native
+from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from dissectors.kit import NO_TIME, SECOND, Occurrences, Rule, times_by_bus
 
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
 
 # Frames before a gap whose order may be mixed up.
 _MIXED = 64
-_AT_ONCE = 4096
 
 
 class Gaps(Rule):
@@ -31,6 +32,11 @@ class Gaps(Rule):
         """Compare each time with that of the frame before, also across batches."""
         frames = view.frames
         silence = view.number("CAP-002", "silence_s") * SECOND
+        if self._is_calm(frames, silence):
+            (one,) = times_by_bus(frames)
+            last = np.arange(len(one.t) - _MIXED, len(one.t)) if one.rows is None else one.rows[-_MIXED:]
+            self._last = np.stack((frames.t[last], last + frames.first, frames.bus[last]))
+            return
         rows = None if (frames.t != NO_TIME).all() else np.flatnonzero(frames.t != NO_TIME)
         old = self._last.shape[1]
         t = np.concatenate((self._last[0], frames.t if rows is None else frames.t[rows]))
@@ -44,19 +50,20 @@ class Gaps(Rule):
             found[:, here] = frames.t[row], row + frames.first, frames.bus[row]
             return found
 
-        if not _calm(frames, t[max(old - 1, 0) : old + 1], silence):
-            late = np.flatnonzero(np.diff(t) > silence) + 1
-            late = late[late >= old]
-            last = _latest(t, late, silence)
-            far = t[late] - t[last] > silence
-            yield _occurrences(sent(last[far]), (t[late] - t[last])[far])
+        late = (np.diff(t) > silence).nonzero()[0] + 1
+        late = late[late >= old]
+        # One that came late hides others.
+        last = cells(_native.last_before(t, late, silence, _MIXED), np.int64)
+        far = t[late] - t[last] > silence
+        yield _occurrences(sent(last[far]), (t[late] - t[last])[far])
         self._last = sent(np.arange(max(0, len(t) - _MIXED), len(t)))
 
-
-def _calm(frames: FrameTable, border: Array, silence: float) -> bool:
-    """Return whether it is plain that there is no silence, neither in a batch nor at its `border` with the last one."""
-    times = times_by_bus(frames)
-    return len(times) == 1 and times[0].longest <= silence and bool((np.diff(border) <= silence).all())
+    def _is_calm(self, frames: FrameTable, silence: float) -> bool:
+        """Return whether it is plain that there is no silence, neither in a batch nor in front of it."""
+        times = times_by_bus(frames)
+        if len(times) != 1 or len(times[0].t) < _MIXED or times[0].longest > silence:
+            return False
+        return not self._last.size or times[0].t.item(0) - self._last.item(0, -1) <= silence
 
 
 def _occurrences(sent: Array, silence: Array) -> Occurrences:
@@ -67,17 +74,3 @@ def _occurrences(sent: Array, silence: Array) -> Occurrences:
         rule="CAP-002", t=t, bus=bus, node=nobody, type=nobody, frame=number,
         values=lambda k: {"seconds": silence.item(k) / SECOND}, frames=lambda k: (number.item(k),),
     )  # fmt: skip
-
-
-def _latest(t: Array, late: Array, silence: float) -> Array:
-    """Return of frames that came after a silence which one before each was the last: one that came late hides others.
-
-    Where that is not the one before it, it is one of `_MIXED` that is not later than this by a silence.
-    """
-    found = late - 1
-    for part in np.array_split(np.arange(len(late)), len(late) // _AT_ONCE + 1):
-        before = late[part][:, None] - np.arange(_MIXED, 0, -1)
-        times = np.where(before >= 0, t[np.maximum(before, 0)], NO_TIME)
-        times[times > (t[late[part] - 1] + silence)[:, None]] = NO_TIME
-        found[part] = before[np.arange(len(part)), times.argmax(axis=1)]
-    return found

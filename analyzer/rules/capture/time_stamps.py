@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.tables import FRAME_ANOMALIES, distinct
+from analyzer.rules.anomalies import flagged
+from analyzer.tables import FRAME_ANOMALIES
 from dissectors.frame_text import FrameNumber
-from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule
+from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from dissectors.kit import Array, View
+    from dissectors.kit import Array, BusTimes, View
 
 _BACKWARDS = 1 << FRAME_ANOMALIES.index("time backwards")
 
@@ -31,29 +32,28 @@ class Backwards(Rule):
         frames = view.frames
         if not len(frames):
             return
-        if int(np.bitwise_or.reduce(frames.anomaly)) & _BACKWARDS:
-            rows = np.flatnonzero(frames.anomaly & _BACKWARDS)
-            back = self._steps(view, rows)
+        rows = flagged(frames.anomaly, _BACKWARDS)
+        times = times_by_bus(frames)
+        if len(rows):
+            back = self._steps(view, rows, times)
             yield view.among_frames(
                 "CAP-001",
                 rows,
-                lambda row: {"milliseconds": back[row] / MILLISECOND, "frame": FrameNumber.at(frames.first + row)},
+                lambda row: {
+                    "milliseconds": back.item(rows.searchsorted(row)) / MILLISECOND,
+                    "frame": FrameNumber.at(frames.first + row),
+                },
             )
-        for bus in distinct(frames.bus):
-            at = len(frames) - 1 - int(np.argmax(frames.bus[::-1] == bus))
-            if frames.t[at] == NO_TIME:
-                mine = np.flatnonzero((frames.bus == bus) & (frames.t != NO_TIME))
-                at = int(mine[-1]) if len(mine) else -1
-            if at >= 0:
-                self._last[bus] = int(frames.t[at])
+        for one in times:
+            self._last[one.bus] = one.t.item(-1)
 
-    def _steps(self, view: View, rows: Array) -> dict[int, int]:
+    def _steps(self, view: View, rows: Array, times: Sequence[BusTimes]) -> Array:
         """Return how far back each row is."""
-        t, bus = view.frames.t, view.frames.bus
-        back: dict[int, int] = {}
-        for one in np.unique(bus[rows]).tolist():
-            mine = np.flatnonzero((bus == one) & (t != NO_TIME))
-            times = np.concatenate(([self._last.get(one, NO_TIME)], t[mine]))
-            here = np.searchsorted(mine, rows[bus[rows] == one])
-            back |= dict(zip(mine[here].tolist(), (times[here] - times[here + 1]).tolist(), strict=True))
+        back = np.zeros(len(rows), np.int64)
+        for one in times:
+            some = slice(None) if one.rows is None else (view.frames.bus[rows] == one.bus).nonzero()[0]
+            mine = rows[some] if one.rows is None else one.rows.searchsorted(rows[some])
+            before = one.t[mine - 1]
+            before[mine == 0] = self._last.get(one.bus, NO_TIME)
+            back[some] = before - one.t[mine]
         return back

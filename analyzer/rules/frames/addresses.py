@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def addressed(view: View) -> Iterator[Occurrences]:
     """Yield transfers with an identifier that none may have, with two of them, or in CAN FD frames."""
     t = view.transfers
+    some = int(np.bitwise_or.reduce(t.anomaly)) if len(t) else 0
     for code, bit, values in _BITS:
-        rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index(bit))
-        if len(rows):
-            yield view.among_transfers(code, rows, partial(values, view))
+        if some & bit:
+            yield view.among_transfers(code, flagged(t.anomaly, bit), partial(values, view))
     if t.fd.any():
         yield view.among_transfers("CAN-003", np.flatnonzero(t.fd), lambda row: {"length": _fd_length(view, row)})
 
@@ -46,9 +46,12 @@ def _fd_length(view: View, row: int) -> Any:
     return GONE if kept is None else len(kept.data)
 
 
-_BITS: tuple[tuple[str, str, Callable[[View, int], Values]], ...] = (
-    ("CAN-006", "destination zero", _service),
-    ("CAN-007", "source zero", _service),
-    ("CAN-012", "addressed to itself", _service),
-    ("CAN-014", "priority changed", _priorities),
+_BITS: tuple[tuple[str, int, Callable[[View, int], Values]], ...] = tuple(
+    (code, 1 << TRANSFER_ANOMALIES.index(name), values)
+    for code, name, values in (
+        ("CAN-006", "destination zero", _service),
+        ("CAN-007", "source zero", _service),
+        ("CAN-012", "addressed to itself", _service),
+        ("CAN-014", "priority changed", _priorities),
+    )
 )

@@ -124,8 +124,11 @@ class Foreign(Rule):
             came: list[int] = np.unique(identifier).tolist()
             new = [key for key in came if key not in known][: MOST_NAMED - len(known)]
             return [*new, *(key for key in came if known.get(key, SHOWN) < SHOWN)]
-        waiting = np.array([key for key, seen in known.items() if seen < SHOWN], np.int64)
-        found: list[int] = waiting[np.isin(waiting, identifier)].tolist()
+        waiting = [key for key, seen in known.items() if seen < SHOWN]
+        if not waiting:
+            return waiting
+        keys = np.array(waiting, np.int64)
+        found: list[int] = keys[np.isin(keys, identifier)].tolist()
         return found
 
     def _release(self, patience: int) -> Iterator[Occurrences | Occurrence]:

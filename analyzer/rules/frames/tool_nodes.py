@@ -33,7 +33,9 @@ class ToolNodes(Rule):
     def feed(self, view: View) -> Iterator[Occurrences]:
         """Yield answers and reports."""
         t = view.transfers
-        rows = np.flatnonzero(t.src >= FIRST_TOOL)
+        rows = (t.src >= FIRST_TOOL).nonzero()[0]
+        if not len(rows):
+            return
         senders, at = np.unique(t.bus[rows].astype(np.int64) << 8 | t.src[rows], return_index=True)
         for sender, row in zip(senders.tolist(), rows[at].tolist(), strict=True):
             node = sender >> 8, sender & 0xFF

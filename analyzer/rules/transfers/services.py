@@ -222,7 +222,7 @@ class Services(Rule):
     def _unanswered(self, view: View, parts: _Parts) -> Iterator[Occurrences]:
         """Report calls without an answer, unless that may have come in a gap."""
         until = parts.t_end + ANSWER
-        alive = ~self._nodes.all_silent(parts.bus, parts.dst, until, view.end)
+        alive = ~self._nodes.silent(parts.bus * _NODES + parts.dst, until, view.end)
         if view.paused(int(parts.t_end.min()), int(until.max())):  # else there is no gap anywhere near
             for k in alive.nonzero()[0].tolist():
                 alive[k] = not view.paused(parts.t_end.item(k), until.item(k))

@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import (
-    MILLISECOND,
-    NO_TIME,
-    SECOND,
-    Break,
-    Occurrence,
-    PacedReports,
-    Pauses,
-    Rule,
-    Starts,
-)  # fmt: skip
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, Pauses, Rule, Starts
 from dissectors.records import dataclass
 from dissectors.tmotor.rules.bus.malformed import MalformedReports
 from dissectors.tmotor.rules.bus.power_ons import PowerOns
@@ -26,7 +16,7 @@ from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, esc_r
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import Occurrences, View
+    from dissectors.kit import Occurrences, PacedReports, View
     from dissectors.tmotor.rules.joined.joins import EscReports, Evidence
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
@@ -49,7 +39,7 @@ class Dropouts(Rule):
     def __init__(self) -> None:
         self._heard: dict[ReportingEsc, Evidence] = {}  # the frames of the last report of each ESC
         self._places: dict[ReportingEsc, int] = {}  # in the same order
-        self._paces = PacedReports(0, 0, 0)  # of each ESC, in the same order
+        self._paces: PacedReports | None = None  # of each ESC, in the same order
         self._pauses: Pauses | None = None
         self._starts = Starts()
         self._power_ons = PowerOns()
@@ -61,10 +51,10 @@ class Dropouts(Rule):
         if view.start == NO_TIME:
             return
         least = round(view.number("BUS-025", "min_ms") * MILLISECOND)
-        if self._pauses is None:
+        if self._pauses is None or self._paces is None:
             self._pauses = Pauses(least)
             periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
-            self._paces = PacedReports(least, periods, int(fewest))
+            self._paces = view.paced_reports(least, periods, int(fewest))
         self._pauses.feed(view)
         self._starts.feed(view)
         for one in self._power_ons.feed(view):
@@ -73,19 +63,19 @@ class Dropouts(Rule):
         self._malformed.feed(view, least)
         reports = esc_reports(view)
         if reports is not None:
-            self._breaks(view, reports)
+            self._breaks(view, reports, self._paces)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield ESCs that are silent to the end."""
-        if self._pauses is not None:
+        if self._pauses is not None and self._paces is not None:
             heard, ends = list(self._heard), self._pauses.last
             until = [ends.get(unit.bus, last) for unit, last in zip(heard, self._paces.last.tolist(), strict=True)]
             for k, found in self._paces.silences(np.array(until, np.int64)):
                 self._doubts.append(_Doubt(heard[k], found, self._heard[heard[k]]))
         yield from self._judge(view, None)
 
-    def _breaks(self, view: View, reports: EscReports) -> None:
+    def _breaks(self, view: View, reports: EscReports, paces: PacedReports) -> None:
         """Note times without reports of each ESC."""
         for esc in reports.escs:
             if len(self._places) < MOST_UNITS:
@@ -99,7 +89,7 @@ class Dropouts(Rule):
             [esc.bus for esc in escs], [esc.node for esc in escs], size, reports.table.row[rows]
         )
         places = np.array([self._places[esc] for esc in escs])
-        for k, found in self._paces.feed(places, size, reports.table.t[rows], lost):
+        for k, found in paces.feed(places, size, reports.table.t[rows], lost):
             at = reports.parts[some[k]].start + found.at
             before = self._heard[escs[k]] if found.at < 0 else evidence(view, reports.table, reports.rows.item(at))
             if len(self._doubts) < MOST_UNITS:

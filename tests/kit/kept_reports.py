@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from dissectors.kit.array import Array
+    from dissectors.kit import Array
 
 MEMORY = 15  # periods that say what is usual
 KEPT = MEMORY + 1  # reports, between which they are

@@ -1,5 +1,6 @@
 """Reports at a steady pace and their breaks: many senders at once, and reports that come piece by piece."""
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analyzer.rules.paces import Paces
 from dissectors.kit import MILLISECOND, SECOND, Break, PacedReports
-from dissectors.kit.paces import _before
+from tests.kit import paces_in_columns
 
 STEADY, ROUNDS, HOLES, CHANCE = range(4)
 REPORTS = st.lists(
@@ -36,8 +38,8 @@ def made(kinds: list[tuple[int, int, int]]) -> tuple[Any, Any]:
     return np.cumsum(np.concatenate(apart)).astype(np.int64), np.cumsum(np.concatenate(lost)).astype(np.int64)
 
 
-def paced() -> PacedReports:
-    return PacedReports(100 * MILLISECOND, 5, 4, 2 * SECOND)
+def paced() -> Paces:
+    return Paces(100 * MILLISECOND, 5, 4, 2 * SECOND)
 
 
 def breaks(paced: PacedReports, parts: list[tuple[Any, Any]]) -> list[list[Break]]:
@@ -53,7 +55,11 @@ def breaks(paced: PacedReports, parts: list[tuple[Any, Any]]) -> list[list[Break
 
 
 def said(one: Break | None) -> object:
-    return one and (one.start, one.stop, one.period, one.kept, one.lowered)
+    return one and (*told(one), one.lowered)
+
+
+def told(one: Break) -> tuple[Any, ...]:
+    return one.start, one.stop, one.period, one.kept
 
 
 @pytest.mark.slow
@@ -94,40 +100,42 @@ def test_several_close_together_are_one_round() -> None:
     ]
 
 
-class Thorough(PacedReports):
-    """Looks at all reports of all senders, as if each might have a break."""
-
-    def _may_break(self, new: Any) -> Any:
-        super()._may_break(new)
-        return np.arange(len(new.senders))
-
-
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(REPORTS, min_size=1, max_size=5), st.data())
-def test_who_is_not_looked_at_has_no_break(kinds: Any, data: st.DataObject) -> None:
+def test_the_core_finds_what_is_found_in_columns(kinds: Any, data: st.DataObject) -> None:
     reports = [made(one) for one in kinds]
-    size = data.draw(st.integers(1, 40))
-    quick, thorough = paced(), Thorough(100 * MILLISECOND, 5, 4, 2 * SECOND)
+    size, periods = data.draw(st.integers(1, 40)), data.draw(st.sampled_from((2, 5)))
+    limits = 100 * MILLISECOND, periods, 4, data.draw(st.sampled_from((0, 2 * SECOND)))
+    core, columns = Paces(*limits), paces_in_columns.PacedReports(*limits)
+    all_: list[tuple[Break, Break]] = []
     for first in range(0, max(len(t) for t, _ in reports), size):
         parts = [(t[first : first + size], lost[first : first + size]) for t, lost in reports]
-        found, expected = (breaks(one, parts) for one in (quick, thorough))
-        assert [[(*said(one), one.at) for one in some] for some in found] == [  # type: ignore[misc]
-            [(*said(one), one.at) for one in some]
-            for some in expected  # type: ignore[misc]
-        ]
+        for some, others in zip(breaks(core, parts), breaks(columns, parts), strict=True):
+            assert [(*told(one), one.at) for one in some] == [(*told(one), one.at) for one in others]
+            all_ += zip(some, others, strict=True)
+    assert [said(one) for one, _ in all_] == [said(other) for _, other in all_]  # what was not known at first, too
     if any(len(t) for t, _ in reports):
-        until = quick.last + 30 * SECOND
-        assert quick.last.tolist() == thorough.last.tolist()
-        assert [(k, said(one)) for k, one in quick.silences(until)] == [
-            (k, said(one)) for k, one in thorough.silences(until)
+        assert core.last.tolist() == columns.last.tolist()
+        until = core.last + data.draw(st.sampled_from((SECOND, 30 * SECOND)))
+        assert [(k, said(one)) for k, one in core.silences(until)] == [
+            (k, said(one)) for k, one in columns.silences(until)
         ]
 
 
-def test_a_round_began_with_the_last_report_that_begins_one() -> None:
-    begins = np.random.default_rng(1).random((15, 40)) < 0.4
-    found = _before(begins)
-    for window in range(40):
-        last = 0
-        for place in range(15):
-            assert found[place, window] == last * 40 + window
-            last = place + 1 if begins[place, window] else last
+def test_a_copy_grows_apart() -> None:
+    one = paced()
+    times = np.arange(40, dtype=np.int64) * SECOND // 10
+    assert breaks(one, [(times, np.zeros(40, np.int64))]) == [[]]
+    behind = np.array([60 * SECOND]), np.zeros(1, np.int64)
+    other = deepcopy(one)
+    (found,), (same,) = breaks(one, [behind]), breaks(other, [behind])
+    assert [told(found[0]), found[0].lowered] == [told(same[0]), None]
+    breaks(other, [(behind[0] + SECOND // 10, behind[1])])
+    assert (found[0].lowered, same[0].lowered) == (None, False)
+
+
+def test_columns_have_to_fit() -> None:
+    one, two = np.zeros(1, np.int64), np.zeros(2, np.int64)
+    for columns in ((one, one, two, two), (one, one, one, two), (two, one, one, one), (one, one - 1, one, one)):
+        with pytest.raises((ValueError, OverflowError)):
+            paced().feed(*columns)
