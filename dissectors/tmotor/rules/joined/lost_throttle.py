@@ -169,6 +169,7 @@ def follow(
     """
     stretches, some = losses.stretches, motors.some
     over = motors.turn_on(losses, *_had(tracks, losses, whole))
+    shown = _shown(stretches, whole)
     for k, (track, unit) in enumerate(zip(tracks, units, strict=True)):
         first, stop = losses.ends[k : k + 2]
         if first == stop and track.hold is None:
@@ -185,7 +186,7 @@ def follow(
                 yield from _ends(track, told, some.number.item(until))
         if first < stop:
             lasts = stretches.stop.item(stop - 1) == end
-            _take_whole(track, told, stretches.take(slice(first, stop - lasts)), whole, some.number)
+            told.add(shown[first : stop - lasts], _course([*track.takeovers], stretches, whole, some.number))
             if lasts:
                 yield from _begins(track, told, stretches.take(slice(stop - 1, stop)), whole, some.number)
         if track.hold is not None:
@@ -232,20 +233,28 @@ def _goes_on(track: Track, told: ToldLosses, now: Stretches, whole: Samples, num
         yield from told.tell(hold, partial(str, course))
 
 
-def _take_whole(track: Track, told: ToldLosses, losses: Stretches, whole: Samples, number: Array) -> None:
-    """Follow an ESC through losses that begin and end in this batch: nothing is made but of those that are shown."""
-    takeovers = [*track.takeovers]
+def _shown(losses: Stretches, whole: Samples) -> list[tuple[int, int, int, int] | None]:
+    """Return place, time of the throttle and of the last report, and number of each loss to be told, None of others.
+
+    Where a motor stood there was nothing to hold.
+    """
     rests = (np.abs(whole.rpm[losses.base]) <= STILL) & (whole.pct[losses.base] == 0)
-    some = losses.take(losses.heard & ~rests)
+    told, last = (losses.heard & ~rests).tolist(), whole.t[losses.known + losses.stop - 1]
+    columns = (column.tolist() for column in (losses.first, losses.since, last))
+    return [(*one, k) if told[k] else None for k, one in enumerate(zip(*columns, strict=True))]
+
+
+def _course(takeovers: list[Takeover], losses: Stretches, whole: Samples, number: Array) -> Callable[[int], str]:
+    """Return what says of losses that begin and end in this batch what the ESC did: few of them are shown."""
 
     def course(k: int) -> str:
-        hold = opened(whole, some, k)
-        hold.feed(some.each(whole, k))
-        stood, stop = hold.still != NO_TIME, some.stop.item(k)
+        hold = opened(whole, losses, k)
+        hold.feed(losses.each(whole, k))
+        stood, stop = hold.still != NO_TIME, losses.stop.item(k)
         pwm = _took_over(takeovers, hold.since, number.item(stop - 1 if stood else stop))
         return hold.course("" if stood else _CAME_BACK, taken(pwm))
 
-    told.add(some, whole.t[some.known + some.stop - 1], course)
+    return course
 
 
 def _took_over(takeovers: Iterable[Takeover], since: int, number: int) -> Takeover | None:

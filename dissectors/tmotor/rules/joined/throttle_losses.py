@@ -14,7 +14,7 @@ from dissectors.records import replace
 from dissectors.tmotor.rules.joined.hold import Hold
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from dissectors.kit import Array, Occurrence, Occurrences, Pauses, Values, View
     from dissectors.tmotor.rules.joined.hold import Sample, Samples
@@ -134,10 +134,13 @@ class ToldLosses:
         else:
             yield told_later(hold, place, course())
 
-    def add(self, losses: Stretches, last: Array, course: Callable[[int], str]) -> None:
-        """Take losses that begin and end in this batch; `last` are times of their last reports."""
-        columns = losses.first.tolist(), losses.since.tolist(), last.tolist()
-        self._told += [(*one, partial(course, k)) for k, one in enumerate(zip(*columns, strict=True))]
+    def add(self, losses: Iterable[tuple[int, int, int, int] | None], course: Callable[[int], str]) -> None:
+        """Take losses that begin and end in this batch.
+
+        Of each there is its place, the time of the throttle, that of its last report, and the number that `course`
+        knows it by; None is no loss that is told.
+        """
+        self._told += [(*one[:3], partial(course, one[3])) for one in losses if one is not None]
 
     def occurrences(self) -> Iterator[Occurrences]:
         """Yield those of this batch."""
