@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _MOST = 1024  # of a bus, the latest
 _FEW = 16
+_LATEST = 64
 _AT_ONCE = 1 << 16  # of questions and silences that are compared together
 
 
@@ -123,21 +124,13 @@ class Pauses:
 
         A row of all five is a question.
         """
-        begins, ends = self._both(bus).columns
-        found = np.zeros(len(least), bool)
-        if not len(least):
-            return found
-        if spare.min() >= 0:  # then only what reaches into some of the times counts
-            near = (begins < stop.max()) & (ends > start.min())
-            begins, ends = begins[near], ends[near]
-        size = max(_AT_ONCE // max(len(begins), 1), 1)
-        for at in range(0, len(least), size):
-            some = slice(at, at + size)
-            parts = np.minimum(ends, stop[some, None])
-            parts -= np.maximum(begins, start[some, None])
-            parts -= spare[some, None]
-            found[some] = np.maximum(parts, 0, out=parts).sum(axis=1) >= least[some]
-        return found
+        columns, had = self._both(bus).columns, np.zeros(len(least), np.int64)
+        left = np.arange(len(least))
+        for silences in (columns[:, -_LATEST:], columns[:, :-_LATEST]):  # mostly the latest ones are enough
+            had[left] += _lasted(silences, start[left], stop[left], spare[left])
+            left = (had < least).nonzero()[0]
+        enough: Array = had >= least
+        return enough
 
     def _both(self, bus: int) -> _Silences:
         return self._known.get(bus, _NONE)
@@ -145,3 +138,24 @@ class Pauses:
     def _add(self, bus: int, silences: Array) -> None:
         known = np.concatenate((self._both(bus).columns, silences), axis=1)
         self._known[bus] = _Silences(known[:, -_MOST:].copy())
+
+
+def _lasted(silences: Array, start: Array, stop: Array, spare: Array) -> Array:
+    """Return how many ns of silences, each without the first `spare`, are between two times: a row is a question."""
+    begins, ends = silences
+    found = np.zeros(len(start), np.int64)
+    if not len(start):
+        return found
+    if spare.min() >= 0:  # then only what reaches into some of the times counts
+        near = (begins < stop.max()) & (ends > start.min())
+        begins, ends = begins[near], ends[near]
+    if not len(begins):
+        return found
+    size = max(_AT_ONCE // len(begins), 1)
+    for at in range(0, len(start), size):
+        some = slice(at, at + size)
+        parts = np.minimum(ends, stop[some, None])
+        parts -= np.maximum(begins, start[some, None])
+        parts -= spare[some, None]
+        found[some] = np.maximum(parts, 0, out=parts).sum(axis=1)
+    return found

@@ -39,7 +39,6 @@ _STANDS = 20.0  # us: what moves less does not move
 _ENOUGH = 3  # packets
 _DOUBT = SECOND  # after packets that cannot be judged for longer it begins anew
 _NEVER = 1 << 62
-_FEW = 16  # packets that cost less one by one
 _AGO = 300 * MILLISECOND  # so old may the throttle be that a packet was made of
 
 
@@ -74,6 +73,20 @@ class _Packets(NamedTuple):
     wanted: Array
     judged: Array
     off: Array
+
+
+class _Extent(NamedTuple):
+    """Range of widths (us) and throttles (%) in packets of one ESC that are `judged`, if there are any.
+
+    `doubt` is since when there has been none, `NO_TIME` if the last one is judged.
+    """
+
+    narrowest: float
+    least: float
+    widest: float
+    most: float
+    judged: bool
+    doubt: int
 
 
 class _Claims:
@@ -136,21 +149,24 @@ class ReceivedPwm(Rule):
     def _follow(self, view: View, packets: PacketRows) -> Iterator[Occurrence]:
         joined = self._joined(view, packets)
         turned = packets.table["big_endian"][packets.rows]
-        any_off, some_turned = (np.append(0, np.cumsum(mask)).tolist() for mask in (joined.off, turned))
-        for group in packets.groups:
-            start, stop = group.part.start, group.part.stop
-            parts: list[tuple[bool, Array | slice]] = [(bool(some_turned[stop] > some_turned[start]), group.part)]
-            if 0 < some_turned[stop] - some_turned[start] < stop - start:
-                parts = [(bool(way), places + start) for way, places in groups(turned[group.part])]
+        starts = np.array([group.part.start for group in packets.groups])
+        any_off, some, every = (
+            reduce.reduceat(mask, starts).tolist()
+            for reduce, mask in ((np.logical_or, joined.off), (np.logical_or, turned), (np.logical_and, turned))
+        )
+        for k, (group, extent) in enumerate(zip(packets.groups, _extents(joined, starts), strict=True)):
+            parts: list[tuple[bool, Array | slice]] = [(every[k], group.part)]
+            if some[k] != every[k]:
+                parts = [(bool(way), places + group.part.start) for way, places in groups(turned[group.part])]
             for way, places in parts:
                 key = group.esc, way
                 if key in self._escs or len(self._escs) < MOST_UNITS:
                     esc = self._escs.setdefault(key, _Esc())
-                    mine = _Packets(*(column[places] for column in joined))
-                    if any_off[stop] > any_off[start] or stop - start <= _FEW:
+                    if any_off[k] or len(parts) > 1:
+                        mine = _Packets(*(column[places] for column in joined))
                         yield from self._runs(view, packets.table, esc, (group.esc, packets.rows[places], mine))
                     else:
-                        _pass(esc, mine)
+                        _pass(esc, extent)
 
     def _runs(
         self, view: View, table: DecodedTable, esc: _Esc, what: tuple[ReportingEsc, Array, _Packets]
@@ -220,17 +236,27 @@ class ReceivedPwm(Rule):
         return low, high
 
 
-def _pass(esc: _Esc, packets: _Packets) -> None:
+def _extents(packets: _Packets, starts: Array) -> Iterator[_Extent]:
+    """Yield the extents of packets that can be judged, of each ESC: where the ones of each begin is given."""
+    judged, count = packets.judged, len(packets.judged)
+    last = np.maximum.reduceat(np.where(judged, np.arange(count), -1), starts)
+    behind = np.maximum(last + 1, starts)
+    ends = np.append(starts[1:], count)
+    lowest = (np.minimum.reduceat(np.where(judged, column, np.inf), starts) for column in packets[1:3])
+    highest = (np.maximum.reduceat(np.where(judged, column, -np.inf), starts) for column in packets[1:3])
+    doubt = np.where(behind < ends, packets.t[np.minimum(behind, count - 1)], NO_TIME)
+    columns = *lowest, *highest, last >= 0, doubt
+    return map(_Extent._make, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _pass(esc: _Esc, extent: _Extent) -> None:
     """Note packets of which none is off."""
-    judged = np.flatnonzero(packets.judged)
-    if len(judged):
-        width, wanted = packets.width[judged], packets.wanted[judged]
-        esc.widths = min(esc.widths[0], float(width.min())), max(esc.widths[1], float(width.max()))
-        esc.wanted = min(esc.wanted[0], float(wanted.min())), max(esc.wanted[1], float(wanted.max()))
+    if extent.judged:
+        esc.widths = min(esc.widths[0], extent.narrowest), max(esc.widths[1], extent.widest)
+        esc.wanted = min(esc.wanted[0], extent.least), max(esc.wanted[1], extent.most)
         esc.run = _Run()
-    behind = packets.t[int(judged[-1]) + 1 if len(judged) else 0 :]
-    if len(behind) and esc.run.doubt == NO_TIME:
-        esc.run.doubt = int(behind[0])
+    if esc.run.doubt == NO_TIME:
+        esc.run.doubt = extent.doubt
 
 
 def _unused(esc: _Esc) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
+from dissectors.kit.order import steps
 from dissectors.tmotor.rules.joined.joins import commands
 from dissectors.tmotor.rules.joined.motion import Motion
 
@@ -50,6 +51,7 @@ class ThrottlePauses(Rule):
         before = {bus: self._motion.turning(bus) for bus in range(len(view.buses))}
         changes = self._motion.feed(view)
         losing, now = _losing(view), commands(view)
+        timeout = view.number("BUS-007", "timeout_ms") * MILLISECOND
         for bus in self._streams.keys() | now.keys():
             number, index = losing.get(bus, (np.empty(0, np.int64), np.empty(0, np.int64)))
             if bus not in now:
@@ -57,15 +59,15 @@ class ThrottlePauses(Rule):
                 continue
             sent, stream = now[bus], self._streams.setdefault(bus, _Stream(int(now[bus].t[0])))
             last = -1
-            took = np.diff(sent.t, prepend=stream.t)
-            for k in np.flatnonzero(took > view.number("BUS-007", "timeout_ms") * MILLISECOND).tolist():
+            for k in (steps(sent.t, stream.t) > timeout).nonzero()[0].tolist():
                 if k:
                     stream.count += k - 1 - last
-                    if stream.count >= _RUNNING:
+                if stream.count >= _RUNNING:
+                    if k:
                         self._carry_on(view, stream, (sent, k - 1), (before[bus], changes.get(bus)), held=False)
-                inside = (number > (sent.number[k - 1] if k else -1)) & (number < sent.number[k])
-                stream.losing = {*(() if k else stream.losing), *index[inside].tolist()}
-                yield from self._stop(view, bus, stream, int(sent.t[k]))
+                    inside = (number > (sent.number[k - 1] if k else -1)) & (number < sent.number[k])
+                    stream.losing = {*(() if k else stream.losing), *index[inside].tolist()}
+                    yield from self._stop(view, bus, stream, int(sent.t[k]))
                 stream.count, last = 0, k - 1
             self._carry_on(view, stream, (sent, len(sent.t) - 1), (before[bus], changes.get(bus)))
             stream.count += len(sent.t) - 1 - last

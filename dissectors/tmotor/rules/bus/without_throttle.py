@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +10,8 @@ from dissectors.kit import MILLISECOND, NO_TIME, Pauses, Rule, breach, last_set
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.hold import Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, ReportingEsc, commands, fresh
-from dissectors.tmotor.rules.joined.lost_throttle import Motor, Takeover, Track, follow, taken
-from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
+from dissectors.tmotor.rules.joined.lost_throttle import Motors, Takeover, Track, follow, taken
+from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters, SpeedReports
 from dissectors.tmotor.rules.joined.throttle_losses import RECENT, Losses, told_later
 from dissectors.tmotor.rules.joined.valid_throttle import CommandGaps, LastThrottle, ValidThrottles
 
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
     from dissectors.tmotor.rules.joined.joins import RawCommands
-    from dissectors.tmotor.rules.joined.speed_reports import PacketRows, SpeedReports
+    from dissectors.tmotor.rules.joined.speed_reports import PacketRows
 
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
 _TAIL = 150 * MILLISECOND  # reports that are kept beyond the timeout, to see what was before a loss
@@ -141,12 +139,14 @@ class WithoutThrottle(Rule):
         stop = np.cumsum([len(part.t) for part in parts])[1::2]
         ends = [0, *stop.tolist()]
         odd = [
-            (track, one, Samples(*(column[first:end] for column in whole)))
-            for track, one, first, end in zip(tracks, reports, ends[:-1], ends[1:], strict=True)
+            k
+            for k, (track, one) in enumerate(zip(tracks, reports, strict=True))
             if track.hold is not None or not self._steady(*one, gaps)
         ]
         if odd:
-            yield from self._follow(view, odd, now)
+            some = Samples(*(_picked(column, ends, odd) for column in whole))
+            starts = np.append(0, np.cumsum([ends[k + 1] - ends[k] for k in odd]))
+            yield from self._follow(view, [tracks[k] for k in odd], [reports[k] for k in odd], (some, starts), now)
         size = stop - np.append(0, stop[:-1])
         recent = whole.t >= np.repeat(whole.t[stop - 1] - self._timeout - _TAIL, size)
         recent |= np.repeat(stop, size) - np.arange(len(recent)) <= RECENT
@@ -162,33 +162,38 @@ class WithoutThrottle(Rule):
         return throttle.steady(gaps.get(esc.bus), esc.index, some.t.item(-1), self._timeout)
 
     def _follow(
-        self, view: View, odd: list[tuple[Track, tuple[ReportingEsc, SpeedReports], Samples]],
-        now: Mapping[int, RawCommands],
+        self, view: View, tracks: list[Track], reports: list[tuple[ReportingEsc, SpeedReports]],
+        known: tuple[Samples, Array], now: Mapping[int, RawCommands],
     ) -> Iterator[Occurrences | Occurrence]:  # fmt: skip
-        """Follow ESCs that may lose their throttle, each with its reports, and with those before them, too."""
-        size = [len(some.t) for _, (_, some), _ in odd]
-        bus, index = (np.repeat([esc[column] for _, (esc, _), _ in odd], size) for column in (0, 2))
-        number = np.concatenate([some.number for _, (_, some), _ in odd])
-        t = np.concatenate([some.t for _, (_, some), _ in odd])
-        throttles = self._throttles.at(now, bus, index, number)
-        lost = (throttles.t != NO_TIME) & ~fresh(t, throttles.t, self._timeout)
-        stop = list(accumulate(size))
-        for (track, (unit, some), whole), begin, end in zip(odd, [0, *stop[:-1]], stop, strict=True):
-            throttle, mine = LastThrottle(*(column[begin:end] for column in throttles)), lost[begin:end]
-            if track.hold is not None or mine.any():
-                told = np.ones(len(mine), bool) if track.tells else last_set(some.pct > 0) >= 0
-                pauses = self._pauses or Pauses(self._timeout)
-                losses = Losses(pauses, unit.bus, whole.t, mine, throttle.t, track.hold)
-                motor = Motor(view, unit, some, throttle, told, losses, partial(self._excused, unit, some, now))
-                yield from follow(track, motor, whole, self._timeout)
+        """Follow ESCs that may lose their throttle.
+
+        `known` are their reports, those of each behind earlier ones, and where these begin.
+        """
+        units, each = zip(*reports, strict=True)
+        table, columns = each[0].table, zip(*(one[1:] for one in each), strict=True)
+        some = SpeedReports(table, *map(np.concatenate, columns))
+        ends = np.append(0, np.cumsum([len(one.t) for one in each]))
+        of = np.repeat(np.arange(len(units)), ends[1:] - ends[:-1])
+        bus, index = np.array([unit.bus for unit in units]), np.array([unit.index for unit in units])
+        throttle = self._throttles.at(now, bus[of], index[of], some.number)
+        lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
+        if not lost.any() and not any(track.hold is not None for track in tracks):
+            return
+        (whole, starts), pauses = known, self._pauses or Pauses(self._timeout)
+        holds = [track.hold for track in tracks]
+        losses = Losses(pauses, self._timeout, bus, ends, whole.t, starts, lost, throttle.t, holds)
+        motors = Motors(view, some, ends, throttle, tracks, lambda k: self._excused(units[k], each[k], now))
+        yield from follow(tracks, units, motors, losses, whole)
 
     def _excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
         coasts = (some.mode == _COAST_DOWN) & (some.pct == 0)
         found: Array = (some.mode == _FOLDS[0]) | (some.mode == _FOLDS[1]) | coasts
-        found |= self._driven.at(unit.bus, unit.index, some.number)
+        if not self._driven.never(unit.bus, unit.index):
+            found |= self._driven.at(unit.bus, unit.index, some.number)
+        if not self._priority.never(unit.bus, unit.node):
+            found |= self._priority.at(unit.bus, unit.node, some.number)
         found |= self._elsewhere(unit, some.number, some.t, now)
-        found |= self._priority.at(unit.bus, unit.node, some.number)
         return found
 
     def _elsewhere(self, unit: ReportingEsc, number: Array, t: Array, now: Mapping[int, RawCommands]) -> Array:
@@ -200,6 +205,13 @@ class WithoutThrottle(Rule):
                 throttle = self._throttles.of(bus).at(now.get(bus), unit.index, number)
                 found |= fresh(t, throttle.t, self._timeout) & (other.first <= number)
         return found
+
+
+def _picked(values: Array, ends: list[int], some: list[int]) -> Array:
+    """Return the values of some ESCs, whose values begin and end there."""
+    if len(some) == len(ends) - 1:
+        return values
+    return np.concatenate([values[ends[k] : ends[k + 1]] for k in some])
 
 
 def _stands_for(width: Array, value: Array, within: float) -> Array:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dissectors.kit import groups, sound, usable
+from dissectors.kit import Array, groups, sound, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT
 
 if TYPE_CHECKING:
-    from dissectors.kit import Array, View
+    from dissectors.kit import DecodedTable, View
 
 _RELEASED = (0x00, 0x66)  # control modes that drive nothing
 PWM, CAN = 0, 1  # throttle priorities (4.2)
-_NOTHING = (np.empty(0, np.int64),) * 4
+_Told = Mapping[tuple[int, int], tuple[Array, Array]]  # of switches: transfers, and whether they turned it on
+_NOTHING: _Told = {}
 
 
 class _Switches:
@@ -24,18 +26,14 @@ class _Switches:
 
     def __init__(self) -> None:
         self._before: dict[tuple[int, int], bool] = {}
-        self._now: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._now = _NOTHING
 
-    def feed(self, bus: Array, which: Array, number: Array, on: Array) -> None:
+    def feed(self, now: _Told) -> None:
         """Add a batch: by which transfers, in order, each one was turned on or off."""
         for place, (_, states) in self._now.items():
             if place in self._before or len(self._before) < MOST_UNITS:
                 self._before[place] = bool(states[-1])
-        if not len(bus):
-            self._now = {}
-            return
-        keys = bus.astype(np.int64) << 16 | which
-        self._now = {(key >> 16, key & 0xFFFF): (number[at], on[at]) for key, at in groups(keys)}
+        self._now = now
 
     def off(self, bus: int, which: int) -> bool:
         """Return whether one is off at any transfer."""
@@ -51,6 +49,20 @@ class _Switches:
         return found
 
 
+def _told(bus: Array, which: Array, number: Array, on: Array) -> _Told:
+    """Return by which transfers, in order, each switch was turned on or off."""
+    keys = bus.astype(np.int64) << 16 | which
+    return {(key >> 16, key & 0xFFFF): (number[at], on[at]) for key, at in groups(keys)}
+
+
+def _driven(table: DecodedTable) -> _Told:
+    """Return when units were driven; several rules ask."""
+    rows = sound(table).nonzero()[0]
+    mode = table["control_mode"][rows]
+    driven = (mode != _RELEASED[0]) & (mode != _RELEASED[1])
+    return _told(table.bus[rows], table["unit_id"][rows], table["transfer"][rows].astype(np.int64), driven)
+
+
 class DrivenUnits:
     """Units that the last control packet drives."""
 
@@ -60,12 +72,7 @@ class DrivenUnits:
     def feed(self, view: View) -> None:
         """Add the next batch."""
         table = view.table("PUSHSCI.OutputControl")
-        if table is None:
-            self._units.feed(*_NOTHING)
-            return
-        rows = np.flatnonzero(sound(table))
-        driven = ~np.isin(table["control_mode"][rows], _RELEASED)
-        self._units.feed(table.bus[rows], table["unit_id"][rows], table["transfer"][rows].astype(np.int64), driven)
+        self._units.feed(_NOTHING if table is None else table.once(_driven))
 
     def never(self, bus: int, index: int) -> bool:
         """Return whether the unit of an ESC index is driven at no transfer."""
@@ -120,8 +127,8 @@ class PwmPriority:
     def feed(self, view: View) -> None:
         """Add the next batch."""
         said = priorities(view)
-        transfer, bus, node, priority, _ = np.array(said, np.int64).T if said else (*_NOTHING, _NOTHING[0])
-        self._nodes.feed(bus, node, transfer, priority == PWM)
+        transfer, bus, node, priority, _ = np.array(said, np.int64).reshape(-1, len(Priority._fields)).T
+        self._nodes.feed(_told(bus, node, transfer, priority == PWM) if said else _NOTHING)
 
     def never(self, bus: int, node: int) -> bool:
         """Return whether PWM has priority in a node at no transfer."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -70,6 +69,20 @@ class PacketRows(NamedTuple):
         return np.repeat(np.array(values, np.int64), [group.part.stop - group.part.start for group in self.groups])
 
 
+def _by_unit(table: DecodedTable) -> tuple[Array, Array, list[tuple[int, int, int, int, int]]]:
+    """Return sound status packets with a time: rows and transfers, one unit after the other; several rules ask.
+
+    Of each unit there is its bus, node and number, where its packets begin, and where they end.
+    """
+    rows = (sound(table) & (table.t != NO_TIME)).nonzero()[0]
+    order, begins = by_key(unit_key(table)[rows])
+    rows = rows[order]
+    first = rows[begins]
+    columns = table.bus[first], table.src[first], table["unit_id"][first], begins, np.append(begins, len(rows))[1:]
+    units = list(zip(*(column.tolist() for column in columns), strict=True))
+    return rows, table["transfer"][rows].astype(np.int64), units
+
+
 class StatusPackets:
     """Tells which ESC each status packet speaks of."""
 
@@ -85,15 +98,10 @@ class StatusPackets:
         table = view.table("PUSHCAN.MotorStatus")
         if table is None:
             return None
-        rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
-        order, begins = by_key(unit_key(table)[rows])
-        rows = rows[order]
-        number = table["transfer"][rows].astype(np.int64)
+        rows, number, units = table.once(_by_unit)
         groups: list[PacketGroup] = []
         pieces: list[slice] = []
-        for begin, end in pairwise([*begins.tolist(), len(rows)]):
-            row = rows.item(begin)
-            bus, node, unit = table.bus.item(row), table.src.item(row), table["unit_id"].item(row)
+        for bus, node, unit, begin, end in units:
             first, index = self._first.of(bus, node) or (1 << 62, 0)
             middle = begin + int(np.searchsorted(number[begin:end], first))
             for start, stop, alone, which in (

@@ -57,12 +57,12 @@ class TransferLosses:
         rows = ((t.type_id | 1) == TYPE_IDS["PUSHCAN"]).nonzero()[0]  # the other one is 1 below
         rows = rows[t.kind[rows] == 0]
         gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
-        broken = rows[t.status[rows] != 0]
-        found = [(rows[gone > 0], gone[gone > 0]), (broken, np.full(len(broken), _BROKEN))]
-        for name in HEADERS:
-            rest = view.table(f"{name}.{UNRECOGNIZED}")
-            if rest is not None:
-                found.append((rest.row, np.ones(len(rest.row), np.int64)))
+        skips, broken = (gone > 0).nonzero()[0], rows[t.status[rows] != 0]
+        unread = [rest for name in HEADERS if (rest := view.table(f"{name}.{UNRECOGNIZED}")) is not None]
+        if not (len(skips) or len(broken) or unread):
+            return
+        found = [(rows[skips], gone[skips]), (broken, np.full(len(broken), _BROKEN))]
+        found += [(rest.row, np.ones(len(rest.row), np.int64)) for rest in unread]
         rows, lost = (np.concatenate(columns) for columns in zip(*found, strict=True))
         session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
         for key, mine in groups(session):
@@ -122,11 +122,15 @@ class KnownLosses:
         self._transfers = transfers
         self._tables = {table.name: (known.key_of(table), place(table)) for table in tables}
         self._known = known
+        self._names: dict[str, list[str]] = {}
         self._places: dict[tuple[str, int], Array] = {}
 
     def names(self, carrier: str) -> list[str]:
         """Return the packet tables of a carrier."""
-        return sorted(name for name in {*self._tables, *self._known.places} if name.startswith(f"{carrier}."))
+        if carrier not in self._names:
+            every = {*self._tables, *self._known.places}
+            self._names[carrier] = sorted(name for name in every if name.startswith(f"{carrier}."))
+        return self._names[carrier]
 
     def before(self, names: Iterable[str], key: int, at: int) -> tuple[int, int]:
         """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
@@ -167,11 +171,10 @@ class Before:
         """Keep the packets of a batch."""
         for table in tables:
             keys = self.key_of(table)
-            places = self.places.setdefault(table.name, Latest(0))
-            places.feed(keys, place(table))
             low = int(keys.min())
             last = np.full(int(keys.max()) - low + 1, -1)
             last[keys - low] = np.arange(len(keys))  # of a key's rows the last one stays
             held = (last >= 0).nonzero()[0]
-            leads = transfers.lead[table.row[last[held]]]
-            self._leads.setdefault(table.name, Latest(0)).feed(held + low, leads)
+            rows, keys = last[held], held + low
+            self.places.setdefault(table.name, Latest(0)).feed(keys, place(table)[rows])
+            self._leads.setdefault(table.name, Latest(0)).feed(keys, transfers.lead[table.row[rows]])
