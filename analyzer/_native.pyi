@@ -19,6 +19,7 @@ __all__ = [
     "FrameIndex",
     "Group",
     "IdNodes",
+    "Identities",
     "Lacks",
     "LastRuns",
     "LogRecords",
@@ -48,7 +49,6 @@ __all__ = [
     "frame_cells",
     "frame_lines",
     "grouped",
-    "identities",
     "joint",
     "message_records",
     "mistaken",
@@ -252,6 +252,10 @@ class FrameIndex:
     def __deepcopy__(self, _memo: object, /) -> FrameIndex: ...
 
 @final
+class Identities:
+    def __new__(cls, bus: Any, id: Any, offsets: Any, data: Any) -> Identities: ...  # noqa: A002
+
+@final
 class IdNodes:
     def __new__(cls) -> IdNodes: ...
     @property
@@ -285,8 +289,7 @@ class Losses:
     def sums(self, node: int) -> list[int]: ...
     def __deepcopy__(self, _memo: object, /) -> Losses: ...
 
-def identities(bus: Any, id: Any, offsets: Any, data: Any) -> tuple[Cells, Cells]: ...  # noqa: A002
-def repeats(keys: Any, tails: Any, places: Any, look: int, few: int) -> Cells: ...
+def repeats(batches: Sequence[Identities], places: Any, look: int, few: int) -> Cells: ...
 def diagnose(
     question: int,
     batches: list[FrameIndex],

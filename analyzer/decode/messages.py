@@ -15,7 +15,7 @@ from analyzer.decode.packets import CARRIED, PacketFinder, PacketTables, unrecog
 from analyzer.decode.readings import Readings
 from analyzer.decode.sent import SentMessages
 from analyzer.decode.tables import LazyTables
-from analyzer.decode.told import tell
+from analyzer.decode.told import ToldColumns
 from analyzer.tables import TRANSFERS
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ class Messages:
         self._readings = Readings(doubtful, forced or {}, ahead=ahead)
         self._tables: dict[str, MessageTables] = {}
         self._packet_tables: dict[str, PacketTables] = {}
+        self._told_columns: dict[str, ToldColumns] = {}
         carriers = registry.carriers()
         wanted = None if only is None else {name.rpartition(".")[0] for name in only}
         self._carriers = {one.table for one in carriers if wanted is None or one.table in wanted}
@@ -144,7 +145,13 @@ class Messages:
 
     def _told(self, read: ReadMessages, name: str, readings: Sequence[Told]) -> pa.RecordBatch:
         whole = read.whole.get(name)
-        return tell(readings, read.sent[name].whole() if whole is None else whole)
+        rows = read.sent[name].whole() if whole is None else whole
+        if not readings:
+            return rows
+        columns = self._told_columns.get(name)
+        if columns is None:
+            columns = self._told_columns[name] = ToldColumns(readings, rows.schema)
+        return columns.tell(readings, rows)
 
     def _decode(self, message: Message, group: Group, first: int) -> pa.RecordBatch:
         return self._of(message).make(group, first)

@@ -12,13 +12,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
+from analyzer.decode.columns import senders
 from analyzer.decode.told import NEVER, NODES, ByNode, Decided, Told
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import floats, numbers
+from dissectors.kit.nested import inner
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    import pyarrow as pa
 
     from analyzer.decode.sent import SentMessages
     from dissectors.kit import Array
@@ -115,6 +118,7 @@ class _Course:
     _lent: bool = field(init=False, default=False)  # somebody keeps what is decided now
     _seen: Array = field(init=False)
     _shown: dict[int, _Shown] = field(init=False, default_factory=dict)
+    _statements: Sequence[Statement] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         """Begin without evidence; what is forced is decided."""
@@ -144,34 +148,36 @@ class _Course:
 
     def know(self, other: _Course) -> None:
         """Take over what another one has decided, but not who was seen."""
-        self._decided, self._lent = other._decided.copy(), False
+        self._decided, self._lent, self._statements = other._decided.copy(), False, None
         self._decided.since[self._decided.done] = 0
 
     # ---- evidence
 
     def learn(self, sent: SentMessages) -> None:
         """Take in the message, as far as it is from nodes that are not decided."""
-        self._seen[sent.nodes] = True
+        if not self._seen[sent.nodes].all():
+            self._seen[sent.nodes], self._statements = True, None
         nodes = sent.nodes[~self._decided.done[sent.nodes]].tolist()
         if not nodes:
             return
         places = [np.flatnonzero(sent.trusted & (sent.senders == node))[: self._missing(node)] for node in nodes]
         table = sent.table(np.concatenate(places))
-        ends = np.cumsum([len(some) for some in places]).tolist()
-        for node, some, end in zip(nodes, places, ends, strict=True):
-            self._look(node, table, np.arange(end - len(some), end))
+        spoken = [self._spoken(one, table) for one in self.reading.evidence]
+        transfers, begin = numbers(table.column("transfer")), 0
+        for node, some in zip(nodes, places, strict=True):
+            rows = slice(begin, begin + len(some))
+            self._look(node, transfers[rows], [(hits[rows], misses[rows]) for hits, misses in spoken])
+            begin = rows.stop
 
     def _missing(self, node: int) -> int:
         """Return how many more rows of a node are looked at."""
         return ENOUGH - (self._shown[node].rows if node in self._shown else 0)
 
-    def _look(self, node: int, table: pa.RecordBatch, rows: Array) -> None:
-        """Add rows of one node until it is decided."""
+    def _look(self, node: int, transfers: Array, spoken: Sequence[tuple[Array, Array]]) -> None:
+        """Add rows of one node until it is decided; `spoken` says which speak for and against each evidence."""
         count = len(self.reading.evidence)
         shown = self._shown.setdefault(node, _Shown([False] * count, [False] * count))
-        transfers = numbers(table.column("transfer"))[rows]
-        spoken = [self._spoken(one, node, table, rows, transfers) for one in self.reading.evidence]
-        for k in range(len(rows)):
+        for k in range(len(transfers)):
             shown.rows += 1
             for e, (hits, misses) in enumerate(spoken):
                 shown.hits[e] |= bool(hits[k])
@@ -187,24 +193,20 @@ class _Course:
         self._settle(node, choice, since)
         del self._shown[node]
 
-    def _spoken(
-        self, evidence: Evidence, node: int, table: pa.RecordBatch, rows: Array, transfers: Array
-    ) -> tuple[Array, Array]:
+    def _spoken(self, evidence: Evidence, table: pa.RecordBatch) -> tuple[Array, Array]:
         """Return the rows that speak for an evidence, and those that speak against it."""
-        hits, misses = np.zeros(len(rows), bool), np.zeros(len(rows), bool)
+        hits, misses = np.zeros(len(table), bool), np.zeros(len(table), bool)
         if evidence.sends:
+            nodes, transfers = senders(table), numbers(table.column("transfer"))
             for name in evidence.sends:
-                hits |= self.sent[name][node] <= transfers
+                hits |= self.sent[name][nodes] <= transfers
             return hits, misses
-        column, of = table.column(evidence.field).take(pa.array(rows)), np.arange(len(rows))
-        if pa.types.is_list(column.type):
-            of = np.repeat(of, np.asarray(column.value_lengths().fill_null(0)))
-            column = column.flatten()
-        values = np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+        rows, raw = inner(table.column(evidence.field), np.arange(len(table)), ())
+        values = floats(raw)
         low, stop = self._limits(evidence)
         inside, good = (values >= low) & (values < stop), np.isfinite(values)
-        hits[of[inside & good]] = True
-        misses[of[~inside & good]] = True
+        hits[rows[inside & good]] = True
+        misses[rows[~inside & good]] = True
         return hits, misses
 
     def _limits(self, evidence: Evidence) -> tuple[float, float]:
@@ -242,9 +244,11 @@ class _Course:
         for node in list(self._shown):
             self._decide(node, self._likely(node), 0 if ahead else NEVER)
 
-    def statements(self) -> Iterator[Statement]:
-        """Yield one for each node that has sent a good transfer."""
-        reading = self.reading
+    def statements(self) -> Sequence[Statement]:
+        """Return one for each node that has sent a good transfer: the same ones as long as all are decided."""
+        if self._statements is not None:
+            return self._statements
+        reading, decided, found = self.reading, True, []
         for code in np.flatnonzero(self._seen).tolist():
             bus, node = code >> 8, code & 0xFF
             if self._wanted(node) is not None:
@@ -252,5 +256,7 @@ class _Course:
             elif self._decided.done[code]:
                 choice = ("", *reading.choices)[self._decided.code[code]]
             else:
-                choice = self._likely(code)
-            yield Statement(self.message.name, reading.name, reading.field, bus, node, choice or UNDECIDED)
+                choice, decided = self._likely(code), False
+            found.append(Statement(self.message.name, reading.name, reading.field, bus, node, choice or UNDECIDED))
+        self._statements = found if decided else None
+        return found

@@ -74,10 +74,10 @@ class Told:
     decided: Decided
     ahead: bool
 
-    def codes(self, table: pa.RecordBatch) -> tuple[Array, Array]:
-        """Return the number of each row's choice, and whether that is decided."""
-        nodes, by_node = senders(table), self.decided
-        known = by_node.done[nodes] if self.ahead else numbers(table.column("transfer")) >= by_node.since[nodes]
+    def codes(self, nodes: Array, transfers: Array) -> tuple[Array, Array]:
+        """Return the number of each row's choice, and whether that is decided, by its sender and transfer."""
+        by_node = self.decided
+        known = by_node.done[nodes] if self.ahead else transfers >= by_node.since[nodes]
         if known.all():
             return by_node.code[nodes], known
         otherwise = self.reading.otherwise
@@ -91,32 +91,47 @@ class Told:
         names = pa.array([None, *self.reading.choices], pa.string())
         return names.take(pa.array(code))
 
-    def followed(self, column: Derived, code: Array, table: pa.RecordBatch) -> pa.Array:
-        """Return a column that follows the reading; rows without one stay."""
-        adds = np.array([np.nan, *(float(column.by_choice.get(one, np.nan)) for one in self.reading.choices)])[code]
-        plain = table.column(column.name)
-        by_reading = linear(numbers(table.column(column.source)), column.scale, column.offset) + adds
+
+class _Followed:
+    """A column that follows a reading: its place in the tables of the message, and that of the field it comes from."""
+
+    def __init__(self, column: Derived, reading: Reading, schema: pa.Schema) -> None:
+        self.place = schema.get_field_index(column.name)
+        self._source = schema.get_field_index(column.source)
+        self._scale, self._offset = column.scale, column.offset
+        self._adds = np.array([np.nan, *(float(column.by_choice.get(one, np.nan)) for one in reading.choices)])
+
+    def values(self, code: Array, columns: Sequence[pa.Array]) -> pa.Array:
+        """Return it for rows of these choices; rows without one stay."""
+        adds, plain = self._adds[code], columns[self.place]
+        by_reading = linear(numbers(columns[self._source]), self._scale, self._offset) + adds
         values = np.where(np.isnan(adds), numbers(plain), by_reading)
         return pa.array(values, mask=~valid(plain)) if plain.null_count else pa.array(values)
 
 
-def tell(readings: Sequence[Told], rows: pa.RecordBatch) -> pa.RecordBatch:
-    """Return the rows of a message as their nodes' readings have them, with a column that says so for each."""
-    if not readings:
-        return rows
-    decided = np.ones(len(rows), bool)
-    columns = dict(zip(rows.schema, rows.columns, strict=True))
-    more: list[tuple[pa.Field, pa.Array]] = []
-    for told in readings:
-        code, known = told.codes(rows)
-        decided &= known
-        for column in told.message.derived:
-            if column.reading == told.reading.name:
-                columns[rows.schema.field(column.name)] = told.followed(column, code, rows)
-        more.append((pa.field(reading_column(told.reading.name), pa.string()), told.named(code)))
-    more.append((pa.field("decided", pa.bool_()), pa.array(decided)))
-    own = list(columns.items())
-    at = rows.schema.get_field_index("layout") + 1
-    pairs = [*own[:at], *more, *own[at:]]
-    schema = pa.schema([one for one, _ in pairs], metadata=rows.schema.metadata)
-    return pa.RecordBatch.from_arrays([column for _, column in pairs], schema=schema)
+class ToldColumns:
+    """What readings make of the tables of one message: its columns with one more for each, and one for all of them."""
+
+    def __init__(self, readings: Sequence[Told], plain: pa.Schema) -> None:
+        self._at = plain.get_field_index("layout") + 1
+        names = [reading_column(told.reading.name) for told in readings]
+        more = [*(pa.field(name, pa.string()) for name in names), pa.field("decided", pa.bool_())]
+        fields = list(plain)
+        self._schema = pa.schema([*fields[: self._at], *more, *fields[self._at :]], metadata=plain.metadata)
+        self._followed = [
+            [_Followed(one, told.reading, plain) for one in told.message.derived if one.reading == told.reading.name]
+            for told in readings
+        ]
+
+    def tell(self, readings: Sequence[Told], rows: pa.RecordBatch) -> pa.RecordBatch:
+        """Return rows of the message as their nodes' readings have them, with a column that says so for each."""
+        columns, more, decided = rows.columns, [], np.ones(len(rows), bool)
+        nodes, transfers = senders(rows), numbers(rows.column("transfer"))
+        for told, followed in zip(readings, self._followed, strict=True):
+            code, known = told.codes(nodes, transfers)
+            decided &= known
+            for one in followed:
+                columns[one.place] = one.values(code, columns)
+            more.append(told.named(code))
+        whole = [*columns[: self._at], *more, pa.array(decided), *columns[self._at :]]
+        return pa.RecordBatch.from_arrays(whole, schema=self._schema)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,16 +19,12 @@ _NEVER = 1 << 62
 
 
 class CaptureGaps:
-    """Gaps of a capture, the latest ones: `known` says since when, until when, and whether each hides something.
-
-    `ends` are their ends.
-    """
+    """Gaps of a capture, the latest ones: since when, until when, and whether each hides something."""
 
     def __init__(self) -> None:
-        self.ends = np.empty(0, np.int64)
-        self.known: list[tuple[int, int, bool]] = []
-        self._ends: list[int] = []  # the ends: faster for one question
-        self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
+        self.begins, self.ends = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.hides = np.empty(0, bool)
+        self._lists: tuple[list[int], list[int]] | None = [], []  # faster for one question
         self._latest: Array = np.empty(0, np.int64)
 
     def feed(self, t: Array, *, calm: bool) -> int:
@@ -41,35 +36,47 @@ class CaptureGaps:
         last = int(self._latest[-1]) if len(self._latest) else int(t[0])
         if not calm or abs(int(t[0]) - last) > GAP:
             self._add(t)
-        self._latest = np.append(self._latest, t[-_BUSY:])[-_BUSY:]
+        latest = t if len(t) >= _BUSY else np.concatenate((self._latest, t))
+        self._latest = latest[-_BUSY:].copy()
         return last
 
     def _add(self, t: Array) -> None:
         known = len(self._latest)
         whole = np.concatenate((self._latest, t))
-        apart = np.diff(whole[max(known - 1, 0) :])
-        for at in np.flatnonzero(np.abs(apart) > GAP)[-_MOST:].tolist():
-            end = at + max(known, 1)
-            usual = whole[max(end - _BUSY, 0) : end]
-            if apart[at] < 0:
-                self.known[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
-                continue
-            busy = len(usual) == _BUSY and int(apart[at]) > _SILENT * (int(usual[-1]) - int(usual[0]))
-            self.known.append((int(whole[end - 1]), int(whole[end]), busy))
-        del self.known[:-_MOST]
-        self._hiding, self._ends = [], [end for _, end, _ in self.known]
-        self.ends = np.array(self._ends, np.int64)
+        steps = whole[max(known, 1) :] - whole[max(known - 1, 0) : -1]
+        at = (np.abs(steps) > GAP).nonzero()[0][-_MOST:]
+        if not len(at):
+            return
+        apart, end = steps[at], at + max(known, 1)
+        begins, ends = whole[end - 1], whole[end]
+        usual = begins - whole[np.maximum(end - _BUSY, 0)]
+        hides = (end >= _BUSY) & (usual <= (apart - 1) // _SILENT)  # `apart` is more than so many times as long
+        back = (apart < 0).nonzero()[0]
+        if len(back):  # nothing before counts any more
+            anew = back.item(-1)
+            begins[anew], hides[anew] = ends[anew] - 1, False
+            self.begins, self.ends, self.hides = begins[anew:], ends[anew:], hides[anew:]
+        else:
+            self.begins = np.concatenate((self.begins, begins))[-_MOST:]
+            self.ends = np.concatenate((self.ends, ends))[-_MOST:]
+            self.hides = np.concatenate((self.hides, hides))[-_MOST:]
+        self._lists = None
 
     def resumed(self, t: int, start: int) -> int:
         """Return the end of the last gap before a time, else the time at which the capture starts."""
-        at = bisect_right(self._ends, t)
-        return self._ends[at - 1] if at else start
+        ends, _ = self._known()
+        at = bisect_right(ends, t)
+        return ends[at - 1] if at else start
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""
-        if not self._ends:
-            return False
-        if len(self._hiding) < len(self.known):
-            self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self.known)), min)][::-1]
-        at = bisect_right(self._ends, since)
-        return at < len(self.known) and self._hiding[at] < until
+        ends, hiding = self._known()
+        at = bisect_right(ends, since)
+        return at < len(ends) and hiding[at] < until
+
+    def _known(self) -> tuple[list[int], list[int]]:
+        """Return the ends, and when the first of each gap and those behind it began that hide something."""
+        if self._lists is None:
+            hiding = np.minimum.accumulate(np.where(self.hides, self.begins, _NEVER)[::-1])[::-1]
+            self._lists = self.ends.tolist(), hiding.tolist()
+        return self._lists

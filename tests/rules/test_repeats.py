@@ -11,7 +11,6 @@ import pytest
 
 from analyzer.rules.capture_gaps import GAP, CaptureGaps
 from analyzer.rules.joint import repeats
-from analyzer.rules.joint.alike import identities
 from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.repeats import Repeats
 from analyzer.tables import FRAMES
@@ -50,18 +49,6 @@ def table(frames: list[Sent], first: int = 0) -> FrameTable:
     rows = len(frames)
     columns = [pa.array(given.get(of.name, [0] * rows)).cast(of.type) for of in FRAMES]
     return FrameTable(pa.RecordBatch.from_arrays(columns, schema=FRAMES), first)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_numbers_are_equal_where_all_but_the_tail_is(seed: int) -> None:
-    frames = sent(seed)
-    keys, tails = identities(table(frames))
-    assert tails.tolist() == [one.tail for one in frames]
-    by_key: dict[int, set[tuple[int, int, bytes]]] = {}
-    for key, one in zip(keys.tolist(), frames, strict=True):
-        by_key.setdefault(key, set()).add(one[:3])
-    assert all(len(same) == 1 for same in by_key.values())
-    assert len(by_key) == len({one[:3] for one in frames})
 
 
 def came_once(frames: list[Sent], number: int) -> bool:
@@ -116,6 +103,35 @@ def test_a_gap_is_found_wherever_it_is(seed: int) -> None:
     gaps.feed(np.array(times, np.int64), calm=False)
     for _ in range(500):
         since, until = sorted((chance.randrange(t), chance.randrange(t)))
-        by_hand = any(busy and begin < until and end > since for begin, end, busy in gaps.known)
+        known = zip(gaps.begins, gaps.ends, gaps.hides, strict=True)
+        by_hand = any(busy and begin < until and end > since for begin, end, busy in known)
         assert gaps.paused(since, until) == by_hand
-    assert any(busy and end - begin > GAP for begin, end, busy in gaps.known)
+    assert (gaps.hides & (gaps.ends - gaps.begins > GAP)).any()
+
+
+def gaps_of(times: list[int]) -> list[tuple[int, int, bool]]:
+    """Gaps by hand, looked at one time after the other."""
+    found: list[tuple[int, int, bool]] = []
+    for k in range(1, len(times)):
+        apart = times[k] - times[k - 1]
+        if apart < -GAP:
+            found = [(times[k] - 1, times[k], False)]
+        elif apart > GAP:
+            hides = k >= 16 and apart > 8 * (times[k - 1] - times[k - 16])
+            found.append((times[k - 1], times[k], hides))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("size", [1, 7, 16, 1000])
+def test_gaps_are_the_same_however_times_are_cut(seed: int, size: int) -> None:
+    chance, gaps = random.Random(seed), CaptureGaps()
+    steps = [1] * 60 + [GAP, GAP + 1, 9 * GAP, 40 * GAP, -5] + [-30 * GAP] * (seed % 3)
+    times = [10**18]
+    for _ in range(300):
+        times.append(times[-1] + chance.choice(steps) * chance.choice([1, 1, 100]))
+    for first in range(0, len(times), size):
+        gaps.feed(np.array(times[first : first + size], np.int64), calm=False)
+    known = [*zip(gaps.begins.tolist(), gaps.ends.tolist(), gaps.hides.tolist(), strict=True)]
+    assert known == gaps_of(times) != []
+    assert [gaps.resumed(t, 0) for t in gaps.ends.tolist()] == gaps.ends.tolist()

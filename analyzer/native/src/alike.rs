@@ -47,7 +47,22 @@ impl Hasher for Seeded {
     }
 }
 
-type Places = HashMap<u64, Vec<u32>, Seeded>;
+/// One of several batches: its place in all of them, and what [`Identities`] say of it.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    place: u32,
+    key: u64,
+    tail: i16,
+}
+
+impl Frame {
+    /// A number for all of it.
+    fn whole(&self) -> u64 {
+        mixed(self.key, u64::from(self.tail as u16))
+    }
+}
+
+type Places = HashMap<u64, Vec<Frame>, Seeded>;
 
 /// Frames in columns; `offsets` says where the data field of each begins in `data`, one more than there are frames.
 #[derive(Debug)]
@@ -58,10 +73,17 @@ pub struct Columns<'a> {
     pub data: &'a [u8],
 }
 
+/// A number for each frame of a batch, and its tail byte, -1 without one. Numbers are equal if interface, identifier, length
+/// and the bytes before the tail are; other ones are equal once in 2^64 pairs.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Identities {
+    pub keys: Vec<u64>,
+    pub tails: Vec<i16>,
+}
+
 impl Columns<'_> {
-    /// A number for each frame, and its tail byte, -1 without one. Numbers are equal if interface, identifier, length and
-    /// the bytes before the tail are; other ones are equal once in 2^64 pairs. None if columns do not fit together.
-    pub fn identities(&self) -> Option<(Vec<u64>, Vec<i16>)> {
+    /// The frames by number; none if columns do not fit together.
+    pub fn identities(&self) -> Option<Identities> {
         if self.bus.len() != self.id.len() || self.offsets.len() != self.id.len() + 1 {
             return None;
         }
@@ -81,7 +103,7 @@ impl Columns<'_> {
             keys.push(key);
             tails.push(tail);
         }
-        Some((keys, tails))
+        Some(Identities { keys, tails })
     }
 }
 
@@ -112,60 +134,80 @@ pub struct Limits {
     pub few: usize,
 }
 
-/// What the frames at some places are; None if there are no such places.
-pub fn kinds(keys: &[u64], tails: &[i16], places: &[u32], limits: Limits) -> Option<Vec<Kind>> {
+/// What the frames at some places are, counted through batches that follow each other. One that is in none of them, or has
+/// no tail byte, is new.
+pub fn kinds(batches: &[&Identities], places: &[i64], limits: Limits) -> Vec<Kind> {
+    let asked: Vec<Option<Frame>> = places.iter().map(|&place| frame_at(batches, place)).collect();
     let bits = (places.len() * SPARSE + 2).ilog2().min(SIEVE);
     let place_of = |key: u64| (key >> (u64::BITS - bits)) as usize;
     let mut sieve = vec![false; 1 << bits];
     let seeded = Seeded::new();
     let (mut alike, mut equal) = (Places::with_hasher(seeded), Places::with_hasher(seeded));
-    let with = |key, tail: i16| mixed(key, u64::from(tail as u16));
-    for &place in places {
-        let (&key, &tail) = (keys.get(place as usize)?, tails.get(place as usize)?);
-        sieve[place_of(key)] = true;
-        alike.entry(key).or_default();
-        equal.entry(with(key, tail)).or_default();
+    for frame in asked.iter().flatten() {
+        sieve[place_of(frame.key)] = true;
+        alike.entry(frame.key).or_default();
+        equal.entry(frame.whole()).or_default();
     }
-    for (place, (&key, &tail)) in (0..).zip(keys.iter().zip(tails)) {
-        if sieve[place_of(key)] {
-            if let Some(found) = alike.get_mut(&key) {
-                found.push(place);
-                if let Some(found) = equal.get_mut(&with(key, tail)) {
-                    found.push(place);
+    let mut first = 0;
+    for batch in batches {
+        for (place, (&key, &tail)) in (first..).zip(batch.keys.iter().zip(&batch.tails)) {
+            if sieve[place_of(key)] {
+                if let Some(found) = alike.get_mut(&key) {
+                    let frame = Frame { place, key, tail };
+                    found.push(frame);
+                    if let Some(found) = equal.get_mut(&frame.whole()) {
+                        found.push(frame);
+                    }
                 }
             }
         }
+        first += batch.keys.len() as u32;
     }
-    let kind = |&place: &u32| {
-        let (key, tail) = (keys[place as usize], tails[place as usize]);
-        let near = |all: &Vec<u32>| {
-            let low = all.partition_point(|&one| one < place.saturating_sub(limits.look));
-            (low, all.partition_point(|&one| one < place))
+    let kind = |frame: &Frame| {
+        let near = |all: &Vec<Frame>| {
+            let low = all.partition_point(|one| one.place < frame.place.saturating_sub(limits.look));
+            (low, all.partition_point(|one| one.place < frame.place))
         };
-        let (low, high) = equal.get(&with(key, tail)).map_or((0, 0), near);
+        let (low, high) = equal.get(&frame.whole()).map_or((0, 0), near);
         if low == high {
             return Kind::New;
         }
-        let others = alike.get(&key).map_or(&[][..], |all| {
+        let others = alike.get(&frame.key).map_or(&[][..], |all| {
             let (low, high) = near(all);
             &all[low..high]
         });
-        let once = high - low == 1 && others.len() <= limits.few && in_a_row(others, tails);
+        let once = high - low == 1 && others.len() <= limits.few && in_a_row(others);
         if once {
             Kind::Once
         } else {
             Kind::Seen
         }
     };
-    Some(places.iter().map(kind).collect())
+    asked
+        .iter()
+        .map(|frame| frame.as_ref().map_or(Kind::New, kind))
+        .collect()
+}
+
+/// The frame at a place, if it is there and has a tail byte.
+fn frame_at(batches: &[&Identities], place: i64) -> Option<Frame> {
+    let mut at = usize::try_from(place).ok()?;
+    for batch in batches {
+        if let (Some(&key), Some(&tail)) = (batch.keys.get(at), batch.tails.get(at)) {
+            let place = place as u32;
+            return (tail >= 0).then_some(Frame { place, key, tail });
+        }
+        at -= batch.keys.len();
+    }
+    None
 }
 
 /// Whether the transfer IDs of frames are different, and follow each other.
-fn in_a_row(places: &[u32], tails: &[i16]) -> bool {
-    let bit = |&place: &u32| 1_u32 << (tails[place as usize] as u8 & ID);
-    let ids = places.iter().fold(0, |ids, place| ids | bit(place));
+fn in_a_row(frames: &[Frame]) -> bool {
+    let bit = |frame: &Frame| 1_u32 << (frame.tail as u8 & ID);
+    let ids = frames.iter().fold(0, |ids, frame| ids | bit(frame));
     let breaks = ids & !ids.rotate_right(1);
-    ids.count_ones() as usize == places.len() && breaks.count_ones() <= 1
+    ids.count_ones() as usize == frames.len() && breaks.count_ones() <= 1
 }
 
 #[cfg(test)]
@@ -174,8 +216,20 @@ mod tests {
 
     const LIMITS: Limits = Limits { look: 10, few: 3 };
 
-    fn kinds_of(tails: &[i16], places: &[u32]) -> Vec<Kind> {
-        kinds(&vec![7; tails.len()], tails, places, LIMITS).unwrap()
+    fn batch(keys: &[u64], tails: &[i16]) -> Identities {
+        let (keys, tails) = (keys.to_vec(), tails.to_vec());
+        Identities { keys, tails }
+    }
+
+    /// The same however the frames are cut into batches.
+    fn kinds_of(tails: &[i16], places: &[i64]) -> Vec<Kind> {
+        let cut = |size: usize| {
+            let parts = tails.chunks(size).map(|part| batch(&vec![7; part.len()], part));
+            let parts: Vec<Identities> = parts.collect();
+            kinds(&parts.iter().collect::<Vec<_>>(), places, LIMITS)
+        };
+        assert_eq!(cut(1), cut(tails.len()));
+        cut(2)
     }
 
     #[test]
@@ -201,7 +255,7 @@ mod tests {
             offsets: &std::iter::once(0).chain(ends).collect::<Vec<_>>(),
             data: &data,
         };
-        let (mut keys, tails) = columns.identities().unwrap();
+        let Identities { mut keys, tails } = columns.identities().unwrap();
         assert_eq!(tails, [0xC0, 0xC1, 0xC0, 0xC0, 0xC0, 0xC0, 0xC0, -1]);
         assert_eq!(keys[0], keys[1]);
         keys.sort_unstable();
@@ -222,11 +276,13 @@ mod tests {
             [Kind::New],
             "too long ago"
         );
+        let other = batch(&[1, 2], &[1, 1]);
+        assert_eq!(kinds(&[&other], &[1], LIMITS), [Kind::New], "another key");
         assert_eq!(
-            kinds(&[1, 2], &[1, 1], &[1], LIMITS),
-            Some(vec![Kind::New]),
-            "another key"
+            kinds_of(&[1, 1], &[-1, 1, 2]),
+            [Kind::New, Kind::Once, Kind::New],
+            "not there"
         );
-        assert_eq!(kinds(&[1], &[1], &[1], LIMITS), None);
+        assert_eq!(kinds_of(&[-1, -1], &[1]), [Kind::New], "no tail byte");
     }
 }

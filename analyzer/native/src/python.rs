@@ -182,7 +182,7 @@ impl Pipeline {
 
     /// Frames before this number have their last verdicts: no later batch settles one of them.
     #[getter]
-    fn settled_before(&self) -> u64 {
+    fn settled_before(&mut self) -> u64 {
         self.pipeline.reassembler.settled_before()
     }
 
@@ -234,6 +234,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<id_nodes::IdNodes>()?;
+    m.add_class::<alike::Identities>()?;
     m.add_class::<lacks::Lacks>()?;
     m.add_class::<losses::Losses>()?;
     m.add_class::<esc_rows::EscRows>()?;
@@ -252,7 +253,6 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<firsts::Firsts>()?;
     m.add_class::<last_runs::LastRuns>()?;
     m.add_class::<runs::OccurrenceGroups>()?;
-    m.add_function(wrap_pyfunction!(alike::identities, m)?)?;
     m.add_function(wrap_pyfunction!(alike::repeats, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::tails_before, m)?)?;

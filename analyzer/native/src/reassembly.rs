@@ -115,6 +115,8 @@ pub struct Reassembler {
     counts: [u64; VERDICTS],
     /// Frames held back by sessions on probation.
     held: usize,
+    /// The session that held the oldest of them when somebody asked, and that frame.
+    oldest: Option<(usize, u64)>,
     /// The time of the last frame that had one, on all buses and on each.
     now: i64,
     bus_time: [i64; 256],
@@ -137,6 +139,7 @@ impl Reassembler {
             next_frame: 0,
             counts: [0; VERDICTS],
             held: 0,
+            oldest: None,
             now: NO_TIME,
             bus_time: [NO_TIME; 256],
             next_sweep: NO_TIME,
@@ -160,13 +163,18 @@ impl Reassembler {
         self.counts
     }
 
-    /// Frames before this number have their last verdicts.
-    pub fn settled_before(&self) -> u64 {
+    /// Frames before this number have their last verdicts. Noise opens sessions by the ten thousands, and what one of
+    /// them holds is the oldest for long: no frame before it is ever held again.
+    pub fn settled_before(&mut self) -> u64 {
         if self.held == 0 {
             return self.next_frame;
         }
-        let oldest = self.sessions.iter().filter_map(|place| place.standing.oldest_held());
-        oldest.fold(self.next_frame, u64::min)
+        let held_by = |at: usize| self.sessions[at].standing.oldest_held();
+        if self.oldest.is_none_or(|(at, frame)| held_by(at) != Some(frame)) {
+            let held = (0..self.sessions.len()).filter_map(|at| Some((held_by(at)?, at)));
+            self.oldest = held.min().map(|(frame, at)| (at, frame));
+        }
+        self.oldest.map_or(self.next_frame, |(_, frame)| frame)
     }
 
     pub fn types(&self) -> &[TypeName] {

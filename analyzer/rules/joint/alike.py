@@ -7,27 +7,22 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from analyzer import _native
-from analyzer.decode.sent import cells
+from analyzer._native import Identities
 
 if TYPE_CHECKING:
-    from dissectors.kit import Array, FrameTable
+    from dissectors.kit import FrameTable
 
-_known: WeakKeyDictionary[FrameTable, tuple[Array, Array]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[FrameTable, Identities] = WeakKeyDictionary()
 
 
-def identities(frames: FrameTable) -> tuple[Array, Array]:
-    """Return a number for each frame of a batch, and its tail byte, -1 without one.
+def identities(frames: FrameTable) -> Identities:
+    """Return a number for each frame of a batch, and its tail byte, for the core.
 
     Numbers are equal if interface, identifier, length and the bytes before the tail are; other ones are equal once in
     2^64 pairs.
     """
-    if frames not in _known:
-        _known[frames] = _made(frames)
-    return _known[frames]
-
-
-def _made(frames: FrameTable) -> tuple[Array, Array]:
-    offsets, raw = frames.raw
-    key, tail = _native.identities(frames.bus, frames.id, offsets, np.frombuffer(raw, np.uint8))
-    return cells(key, np.uint64), cells(tail, np.int16)
+    found = _known.get(frames)
+    if found is None:
+        offsets, raw = frames.raw
+        found = _known[frames] = Identities(frames.bus, frames.id, offsets, np.frombuffer(raw, np.uint8))
+    return found

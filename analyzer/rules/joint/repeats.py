@@ -81,16 +81,7 @@ class Repeats:
 
     def _asked(self, numbers: Array) -> Array:
         """Return what frames are, whose numbers are in order."""
-        kinds = np.full(len(numbers), _NEW, np.uint8)
-        held = [frames for frames in self._batches if frames.first <= numbers[-1]]
         low = int(numbers[0]) - LOOK
-        held = [frames for frames in held if frames.first + len(frames) > low]
-        if not held:
-            return kinds
-        pairs = [identities(frames) for frames in held]
-        start, key, tail = held[0].first, *(np.concatenate(columns) for columns in zip(*pairs, strict=True))
-        rows = np.flatnonzero(numbers >= start)
-        rows = rows[tail[numbers[rows] - start] >= 0]
-        places = (numbers[rows] - start).astype(np.uint32)
-        kinds[rows] = cells(repeats(key, tail, places, LOOK, _FEW), np.uint8)
-        return kinds
+        held = [one for one in self._batches if one.first <= numbers[-1] and one.first + len(one) > low]
+        places = numbers - held[0].first if held else numbers
+        return cells(repeats([identities(frames) for frames in held], places, LOOK, _FEW), np.uint8)

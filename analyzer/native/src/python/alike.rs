@@ -7,44 +7,47 @@ use super::buffer::Cells;
 use super::unfit;
 use crate::alike::{self, Columns, Limits};
 
-type Column<'py> = Bound<'py, Cells>;
+/// A number for each frame of a batch by all but its tail byte.
+#[pyclass(frozen)]
+pub struct Identities(alike::Identities);
 
-/// A number for each frame by all but its tail byte, u64, and that byte, i16, -1 without one.
-#[pyfunction]
-#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-pub fn identities(
-    py: Python<'_>,
-    bus: PyBuffer<u8>,
-    id: PyBuffer<u32>,
-    offsets: PyBuffer<i32>,
-    data: PyBuffer<u8>,
-) -> PyResult<(Column<'_>, Column<'_>)> {
-    let (bus, id) = (bus.to_vec(py)?, id.to_vec(py)?);
-    let (offsets, data) = (offsets.to_vec(py)?, data.to_vec(py)?);
-    let columns = Columns {
-        bus: &bus,
-        id: &id,
-        offsets: &offsets,
-        data: &data,
-    };
-    let (keys, tails) = py.detach(|| columns.identities()).ok_or_else(unfit)?;
-    Ok((Cells::own(py, keys)?, Cells::own(py, tails)?))
+#[pymethods]
+impl Identities {
+    #[new]
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn new(
+        py: Python<'_>,
+        bus: PyBuffer<u8>,
+        id: PyBuffer<u32>,
+        offsets: PyBuffer<i32>,
+        data: PyBuffer<u8>,
+    ) -> PyResult<Self> {
+        let (bus, id) = (bus.to_vec(py)?, id.to_vec(py)?);
+        let (offsets, data) = (offsets.to_vec(py)?, data.to_vec(py)?);
+        let columns = Columns {
+            bus: &bus,
+            id: &id,
+            offsets: &offsets,
+            data: &data,
+        };
+        py.detach(|| columns.identities()).map(Identities).ok_or_else(unfit)
+    }
 }
 
-/// What the frames at some places are, by those of the `look` before each with the same number: 0 none has its tail byte, 1
-/// some have, 2 one has, of at most `few` whose transfer IDs follow each other.
+/// What the frames at some places are, i64 counted through batches that follow each other, by those of the `look` before
+/// each with the same number: 0 none has its tail byte, 1 some have, 2 one has, of at most `few` whose transfer IDs follow
+/// each other. A frame that is not there is 0.
 #[pyfunction]
 #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
 pub fn repeats(
     py: Python<'_>,
-    keys: PyBuffer<u64>,
-    tails: PyBuffer<i16>,
-    places: PyBuffer<u32>,
+    batches: Vec<Py<Identities>>,
+    places: PyBuffer<i64>,
     look: u32,
     few: usize,
-) -> PyResult<Column<'_>> {
-    let (keys, tails, places) = (keys.to_vec(py)?, tails.to_vec(py)?, places.to_vec(py)?);
-    let kinds = py.detach(|| alike::kinds(&keys, &tails, &places, Limits { look, few }));
-    let kinds = kinds.ok_or_else(unfit)?;
+) -> PyResult<Bound<'_, Cells>> {
+    let places = places.to_vec(py)?;
+    let batches: Vec<&alike::Identities> = batches.iter().map(|one| &one.get().0).collect();
+    let kinds = py.detach(|| alike::kinds(&batches, &places, Limits { look, few }));
     Cells::own(py, kinds.into_iter().map(|kind| kind as u8).collect())
 }

@@ -41,6 +41,32 @@ fn frames_that_an_earlier_batch_called_foreign_are_settled() {
 }
 
 #[test]
+fn the_oldest_frame_that_is_held_is_of_any_session() {
+    let mut reassembler = Reassembler::new(Box::new(signatures));
+    let mut bus = Bus::default();
+    let other = UNKNOWN + 1;
+    let mut before = |bus: &Bus, first: usize| {
+        reassembler.feed(&bus.frames, first);
+        reassembler.settled_before()
+    };
+    let mut found = vec![];
+    for (type_, id) in [
+        (other, 0),
+        (UNKNOWN, 0),
+        (other, 1),
+        (UNKNOWN, 1),
+        (other, 2),
+        (other, 3),
+        (UNKNOWN, 2),
+    ] {
+        let first = bus.frames.len();
+        bus.transfer(type_, id, b"x");
+        found.push(before(&bus, first));
+    }
+    assert_eq!(found, [0, 0, 0, 0, 1, 1, 7]);
+}
+
+#[test]
 fn an_unknown_type_is_believed_after_three_rising_ids_or_two_alike_crcs() {
     let mut bus = Bus::default();
     bus.transfer(UNKNOWN, 31, b"ab").transfer(UNKNOWN, 0, b"cd");
