@@ -53,7 +53,7 @@ class Recent:
         self._firsts: list[int] = []
         self._cells: list[_Cells | None] = []
         self._held = 0
-        self._natives: dict[int, FrameIndex] = {}
+        self._indexes: list[FrameIndex | None] = []
         self._remembered: dict[int, Kept] = {}  # who asks for a frame seldom asks once
 
     def feed(self, frames: FrameTable) -> None:
@@ -63,12 +63,12 @@ class Recent:
         self._batches.append(frames.bare)
         self._firsts.append(frames.first)
         self._cells.append(None)
+        self._indexes.append(None)
         self._held += len(frames)
         while self._held - len(self._batches[0]) >= KEPT:
             gone = self._batches.popleft()
-            del self._firsts[0], self._cells[0]
+            del self._firsts[0], self._cells[0], self._indexes[0]
             self._held -= len(gone)
-            self._natives.pop(gone.first, None)
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
@@ -111,16 +111,19 @@ class Recent:
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
         first, last = max(bisect_right(self._firsts, low) - 1, 0), bisect_left(self._firsts, high)
-        some = (self._batches[at] for at in range(first, last))
-        return [self._native(batch) for batch in some if batch.first + len(batch) > low]
+        if first < last and self._firsts[first] + len(self._batches[first]) <= low:
+            first += 1
+        some = self._indexes[first:last]
+        return [self._native(first + k) if index is None else index for k, index in enumerate(some)]
 
-    def _native(self, batch: FrameTable) -> FrameIndex:
+    def _native(self, at: int) -> FrameIndex:
         """Return a batch as the core has it."""
-        index = self._natives.get(batch.first)
+        index = self._indexes[at]
         if index is None:
+            batch = self._batches[at]
             offsets, data = batch.raw
             columns = batch.t, batch.bus, batch.id, batch.flags, offsets, np.frombuffer(data, np.uint8)
-            index = self._natives[batch.first] = FrameIndex(batch.first, *columns)
+            index = self._indexes[at] = FrameIndex(batch.first, *columns)
         return index
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
@@ -146,4 +149,4 @@ class Recent:
 
     def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames of one batch."""
-        return () if at < 0 else tuple(self._native(self._batches[at]).lines(numbers[:MOST_LINES], buses))
+        return () if at < 0 else tuple(self._native(at).lines(numbers[:MOST_LINES], buses))

@@ -21,7 +21,7 @@ WITHOUT_START = "frames came without a start"
 
 def odd_rows(t: TransferTable) -> Array:
     """Return rows of messages and requests whose step is there and is not 1."""
-    rows: Array = np.flatnonzero(t.step != 1)
+    rows: Array = (t.step != 1).nonzero()[0]
     if not len(rows):
         return rows
     kind = t.kind[rows]

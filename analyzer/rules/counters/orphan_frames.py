@@ -30,10 +30,10 @@ class OrphanFrames:
         self.index.forget()
         settled = view.settled
         if len(settled.number):
-            late = settled.of(np.flatnonzero(_is_astray(settled.verdict) & settled.known))
+            late = settled.of((_is_astray(settled.verdict) & settled.known).nonzero()[0])
             self._add(late.bus << 32 | session_bits(late.id, late.verdict), late.number, late.t, late.tail)
         f = view.frames
-        rows = np.flatnonzero(_is_astray(f.verdict))
+        rows = (_is_astray(f.verdict)).nonzero()[0]
         if not len(rows):
             return
         bits = session_bits(f.id[rows], f.verdict[rows])

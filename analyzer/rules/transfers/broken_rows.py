@@ -77,7 +77,7 @@ class BrokenTransfers:
 
     def left(self, due: Array) -> Self:
         """Return those of which something is still to be told, if that is `due` of each."""
-        rows = np.flatnonzero(due)
+        rows = due.nonzero()[0]
         cells = self._cells.take(rows, axis=1)
         cells[0] = due[rows]
         return type(self)(cells, self.frames.take(rows), self.payloads.take(rows))

@@ -85,7 +85,7 @@ class CrcStarts(Rule):
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield transfers with a CRC that no signature is known for."""
         t = view.transfers
-        rows = np.flatnonzero(t.status == _UNCHECKED)
+        rows = (t.status == _UNCHECKED).nonzero()[0]
         if len(rows):
             rows = rows[t.has("crc_wire")[rows]]
         if not len(rows):

@@ -80,7 +80,7 @@ def paused(view: View) -> Iterator[Occurrences]:
     if longest >= _MARKED:
         rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
     else:
-        rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+        rows = ((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND)).nonzero()[0]
     if not len(rows):
         return
     begins, numbers = t.frame_lists
@@ -111,7 +111,7 @@ def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
     at = f.t[number - f.first]
     pause = np.diff(at) / MILLISECOND
     timed = (at[:-1] != NO_TIME) & (at[1:] != NO_TIME)
-    before = np.flatnonzero((of[1:] == of[:-1]) & timed & (pause > longest))
+    before = ((of[1:] == of[:-1]) & timed & (pause > longest)).nonzero()[0]
     row = of[before]
     src, code = t.src[row].astype(np.int64), t.code[row]
 
@@ -214,7 +214,7 @@ def _only_orphans(view: View, rows: Array) -> Array:
     found = here.copy()
     found[~here] = [_has_only_orphans(view, row) for row in rows[~here].tolist()]
     for most in (1, NEAR):  # mostly the first one says it
-        left = np.flatnonzero(here & found)
+        left = (here & found).nonzero()[0]
         row, at = rows[left], first[left] - f.first
         high = np.minimum(numbers[ends[row + 1] - 1].astype(np.int64), first[left] + NEAR)
         columns = first[left] + 1, high, f.bus[at], session_bits(f.id[at], f.verdict[at]), t.transfer_id[row]

@@ -133,7 +133,7 @@ class _Told(NamedTuple):
         key = np.argsort(np.argsort(first))[which]  # as they come
         early = self.early[rows]
         for noted in dict.fromkeys(early.tolist()):
-            some = np.flatnonzero(early == noted)
+            some = (early == noted).nonzero()[0]
             severity: Severity | None = "note" if noted else None
             yield self._alike(view, rows[some], key[some], severity, kept=kept)
 
@@ -205,21 +205,21 @@ class MissingStart:
         if early.any() or self._early_ones:
             old |= yield from self._going_on(view, told, wanted)
         for kept in (False, True):
-            together += told.occurrences(view, np.flatnonzero(wanted & (old == kept)), kept=kept)
+            together += told.occurrences(view, (wanted & (old == kept)).nonzero()[0], kept=kept)
 
     def _going_on(self, view: View, told: _Told, wanted: Array) -> Generator[Occurrence, None, Array]:
         """Hold back those that are excused, which are `wanted` no more, and yield those whose sessions go on like that.
 
         Return a mask of those with which they do.
         """
-        goes_on, rows = np.zeros(len(wanted), bool), np.flatnonzero(wanted)
+        goes_on, rows = np.zeros(len(wanted), bool), wanted.nonzero()[0]
         kinds, early = told.first.session[rows] << _WHAT_BITS | told.what[rows], told.early[rows]
         held: list[int] = []
         steps: list[tuple[int, bool]] = []  # kinds, and whether one more of each is held back
         waiting: dict[int, int] = {}  # how many of each kind are held back then
         new, known = {*kinds[early].tolist()}, self._early_ones
-        each = zip(rows.tolist(), kinds.tolist(), early.tolist(), strict=True)
-        for k, kind, is_early in [one for one in each if one[1] in known or one[1] in new]:
+        for place, kind in [one for one in enumerate(kinds.tolist()) if one[1] in known or one[1] in new]:
+            k, is_early = rows.item(place), early.item(place)
             count = waiting[kind] if kind in waiting else len(self._early_ones.get(kind, ()))
             if is_early and self._excused < MOST_EARLY:
                 self._excused += 1
@@ -248,9 +248,9 @@ class MissingStart:
         first = closed.first
         senders, shapes = first.senders, shapes_of(closed.sizes, closed.received)
         searched = self._budget.take(senders)
-        rows, others = np.flatnonzero(searched), np.flatnonzero(~searched)
+        rows, others = searched.nonzero()[0], (~searched).nonzero()[0]
         found = ask(view, REMAINDER, closed.lists(rows))
-        there = np.flatnonzero(~found.gone)
+        there = (~found.gone).nonzero()[0]
         noted = rows[there]
         self._causes.note_all(senders[noted], shapes[noted], found.kinds[there])
         what = np.empty(len(senders), np.int64)

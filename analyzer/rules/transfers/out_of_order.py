@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
 from dissectors.frame_text import FrameNumber
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from analyzer._native import Firsts
     from analyzer.rules.diagnosis.search import FrameSearch
@@ -35,13 +35,6 @@ _WHY = {  # of a frame with another transfer ID inside a transfer
     BELONGS: ": it belongs to that one",
     INSIDE: "",
 }
-
-
-class _Found(NamedTuple):
-    """The answers of the search on a frame: a row of answers."""
-
-    answers: FrameSearch
-    row: int
 
 
 class OutOfOrder:
@@ -76,17 +69,17 @@ class OutOfOrder:
         yield from self._report(view, LooseFrames.joined(self._waiting), last=True)
 
     def _report(self, view: View, frames: LooseFrames, *, last: bool = False) -> Iterator[Occurrences | Occurrence]:
-        form, answers = self._search(view, frames)
+        form, answers, at = self._search(view, frames)
         alone = (frames.verdict == ORPHAN) | ((frames.verdict == OTHER_ID) & (form == NOTHING))
         together: list[Occurrences] = []
-        rows = np.flatnonzero((frames.verdict == COPY) & (form != NOTHING))
+        rows = ((frames.verdict == COPY) & (form != NOTHING)).nonzero()[0]
         if len(rows):
             copies = frames.take(rows)
             together.append(copies.breaches(view, "TRF-004", partial(_copy, view, copies), drops=True))
-        rows = np.flatnonzero((frames.verdict == OTHER_ID) & (form != NOTHING))
+        rows = ((frames.verdict == OTHER_ID) & (form != NOTHING)).nonzero()[0]
         if len(rows):
-            others, found = frames.take(rows), [answers.get(row) for row in rows.tolist()]
-            values = partial(_other_id, view, others, found, form[rows])
+            others = frames.take(rows)
+            values = partial(_other_id, view, others, answers, at[rows], form[rows])
             together.append(others.breaches(view, "TRF-009", values, drops=True))
         together.sort(key=lambda one: int(one.frame[0]))
         yield from self._missing_start.add(view, frames.take(alone), together, last=last)
@@ -94,15 +87,16 @@ class OutOfOrder:
             yield from self._missing_start.excused()
         yield from together
 
-    def _search(self, view: View, frames: LooseFrames) -> tuple[Array, dict[int, _Found]]:
-        """Return what is found of copies and frames inside other transfers: a form each, and the answers by row.
+    def _search(self, view: View, frames: LooseFrames) -> tuple[Array, FrameSearch | None, Array]:
+        """Return what is found of copies and frames inside other transfers: a form each.
+
+        Behind it come the answers on those with another transfer ID, and the place of each among these, or -1.
 
         A frame that looks like a copy and is none has no form, and so has one with another transfer ID that is left of
         a transfer that was cut itself, or where the ID of the frame before it is or may be wrong (TRF-006).
         """
-        form = np.full(len(frames), GONE)
-        known: dict[int, _Found] = {}
-        inside = np.flatnonzero(frames.verdict != ORPHAN)
+        form, at, known = np.full(len(frames), GONE), np.full(len(frames), -1), None
+        inside = (frames.verdict != ORPHAN).nonzero()[0]
         searched = inside[self._budget.take(frames.senders[inside])]
         for question, verdict in ((search.COPY, COPY), (search.INSIDE, OTHER_ID)):
             rows = searched[frames.verdict[searched] == verdict]
@@ -110,8 +104,8 @@ class OutOfOrder:
                 answers = search.ask(view, question, frames.take(rows).lists())
                 form[rows] = answers.form
                 if verdict == OTHER_ID:
-                    known.update((row, _Found(answers, k)) for k, row in enumerate(rows.tolist()))
-        return form, known
+                    known, at[rows] = answers, np.arange(len(rows))
+        return form, known, at
 
 
 def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
@@ -130,10 +124,9 @@ def _copy(view: View, copies: LooseFrames, k: int) -> Values:
     return {"frame": FrameNumber.at(number), "previous_frame": found}
 
 
-def _other_id(view: View, others: LooseFrames, found: Sequence[_Found | None], form: Array, k: int) -> Values:
-    mine, one = others.tail.item(k) & TAIL_ID, found[k]
-    what = form.item(k)
-    why = _WHY[what] if one is None or what in _WHY else ": {}{}".format(*one.answers.cause(one.row))
+def _other_id(view: View, others: LooseFrames, found: FrameSearch | None, at: Array, form: Array, k: int) -> Values:
+    mine, what = others.tail.item(k) & TAIL_ID, form.item(k)
+    why = _WHY[what] if found is None or what in _WHY else ": {}{}".format(*found.cause(at.item(k)))
     before = preceding(view, others.number.item(k), *others.whose(k))
     tails = (other.data[-1] for _, other in before if other.verdict == _USED)
     under_way = (tail & TAIL_ID for tail in tails if not tail & TAIL_END)

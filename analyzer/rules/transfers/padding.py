@@ -31,15 +31,15 @@ def padding(view: View) -> Iterable[Occurrences]:
 
 def _padded(view: View, table: DecodedTable, fd: Array) -> Occurrences:
     t = view.transfers
-    here = np.flatnonzero((fd[table.row] != 0) & table.trusted & ~table["bad_tag"] & (table["bits_left"] >= 0))
+    here = ((fd[table.row] != 0) & table.trusted & ~table["bad_tag"] & (table["bits_left"] >= 0)).nonzero()[0]
     rows = table.row[here]
     spare = table["bits_left"][here].astype(np.int64) // 8
     size = t.length[rows] - spare + 2 * t.has("crc_wire")[rows]
     needed = _FD_ROOM[size - np.maximum(size - 1, 0) // 63 * 63] - (size - np.maximum(size - 1, 0) // 63 * 63)
     dirty = table["pad_nonzero"][here] & (spare > 0)
-    for k in np.flatnonzero(dirty).tolist():
+    for k in dirty.nonzero()[0].tolist():
         dirty[k] = any(t.payload(int(rows[k]))[-int(spare[k]) :])
-    bad = np.flatnonzero(dirty | (spare > needed))
+    bad = (dirty | (spare > needed)).nonzero()[0]
     about = {int(rows[k]): (int(spare[k]), int(needed[k])) for k in bad}
 
     def values(row: int) -> Values:

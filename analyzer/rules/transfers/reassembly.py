@@ -6,6 +6,7 @@ A cause may show only in the frames that follow, so each transfer waits for some
 from __future__ import annotations
 
 from functools import partial
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,7 +52,7 @@ class Reassembly(Rule):
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
         bits = view.transfers.anomaly & (_TOGGLE | _CRC | _ABANDONED | _TIMEOUT)
-        rows = np.flatnonzero(bits)
+        rows = bits.nonzero()[0]
         if len(rows):
             self._add(view.transfers, rows, bits[rows])
         yield from self._ready(view, view.frames.first + len(view.frames) - AHEAD)
@@ -64,9 +65,7 @@ class Reassembly(Rule):
     def _add(self, t: TransferTable, rows: Array, bits: Array) -> None:
         """Add what a batch shows."""
         whole, cut, late = bits & _TOGGLE == 0, bits & _ABANDONED != 0, bits & _TIMEOUT != 0
-        due = np.zeros(len(rows), np.int64)
-        for place, kind in enumerate((~whole, whole & cut, whole & late, bits & _CRC != 0)):
-            due[kind] |= 1 << place
+        due = ~whole | (whole & cut) * 2 | (whole & late) * 4 | (bits & _CRC != 0) * 8
         ended = np.where(cut, ENDED.index(CUT), np.where(late, ENDED.index(LATE), 0))
         new = BrokenTransfers.of(t, rows, due, ended)
         self._waiting = self._waiting.joined(new) if len(self._waiting) else new
@@ -78,7 +77,7 @@ class Reassembly(Rule):
             return
         ready, due = [], broken.due.copy()
         for place in range(len(_RULES) + 1):
-            rows = np.flatnonzero(due & 1 << place)
+            rows = (due & 1 << place).nonzero()[0]
             rows = rows if end is None else rows[: broken.before(rows, end)]
             due[rows] &= ~(1 << place)
             ready.append(rows)
@@ -92,16 +91,21 @@ class Reassembly(Rule):
         if not len(rows):
             return
         senders, shapes = broken.senders(rows), broken.shapes(rows)
-        searched = np.concatenate([budget.take(senders[rule == k]) for k, budget in enumerate(self._budgets)])
-        place, found = np.flatnonzero(searched), ask(view, BROKEN, broken.lists(rows[searched]))
+        spans = [*pairwise((0, *accumulate(map(len, ready))))]
+        each = zip(self._budgets, spans, strict=True)
+        searched = np.concatenate([budget.take(senders[low:high]) for budget, (low, high) in each if low < high])
+        place, found = searched.nonzero()[0], ask(view, BROKEN, broken.lists(rows[searched]))
         told, kinds, noted = (np.empty(len(rows), kind) for kind in (bool, np.int64, bool))
         told[place], kinds[place], noted[place] = _judged(found, rule[place])
-        for k, causes in enumerate(self._causes):
-            here = np.flatnonzero((rule[place] == k) & ~found.gone)
-            new, others = place[here], np.flatnonzero((rule == k) & ~searched)
-            causes.note_all(senders[new], shapes[new], np.where(told[new], kinds[new], NOTHING))
-            kinds[others] = known = causes.like_all(senders[others], shapes[others])
-            told[others], noted[others] = known != NOTHING, IS_NOTED[known]
+        sought = place[~found.gone]
+        for causes, (low, high) in zip(self._causes, spans, strict=True):
+            new = sought[sought.searchsorted(low) : sought.searchsorted(high)]
+            if len(new):
+                causes.note_all(senders[new], shapes[new], np.where(told[new], kinds[new], NOTHING))
+            others = low + (~searched[low:high]).nonzero()[0]
+            if len(others):
+                kinds[others] = known = causes.like_all(senders[others], shapes[others])
+                told[others], noted[others] = known != NOTHING, IS_NOTED[known]
         behind = np.full(len(rows), _NEVER)
         behind[place] = np.where(found.gone, _NEVER, found.value)
         noted |= _in_gaps(view, broken, rows, rule, behind)
@@ -116,8 +120,9 @@ class Reassembly(Rule):
             shown = searched[at] and (_RULES[rule.item(at)] == SEQUENCE or found.flags.item(answer.item(at)) & PROVEN)
             return found.evidence(answer.item(at)) if shown else ()
 
-        begun = np.append(False, broken.batch[1:] != broken.batch[:-1])
-        code = (rule * len(broken) + np.cumsum(begun)[rows]) << 2 | ~searched << 1 | noted
+        begun = np.zeros(len(broken), np.int64)
+        (broken.batch[1:] != broken.batch[:-1]).cumsum(out=begun[1:])
+        code = (rule * len(broken) + begun[rows]) << 2 | ~searched << 1 | noted
         for key, which in groups(np.where(told, code + 1, 0)):
             if key:
                 name, noted_too = _RULES[rule[which[0]]], bool(key - 1 & 1)
@@ -141,7 +146,7 @@ def _in_gaps(view: View, broken: BrokenTransfers, rows: Array, rule: Array, behi
     last one.
     """
     t, end = broken.t[rows], broken.t_end[rows]
-    found, timed = np.zeros(len(t), bool), np.flatnonzero(t != NO_TIME)
+    found, timed = np.zeros(len(t), bool), (t != NO_TIME).nonzero()[0]
     if len(timed):
         since, until = np.minimum(t, end)[timed].min(), np.maximum(t, end)[timed].max() + max(_NEXT, _CLOSED)
         if view.paused(int(since), int(until)):  # else there is no gap anywhere near

@@ -103,7 +103,7 @@ def _paired(rows: Array, apart: int) -> tuple[Array, Array]:
     begins = link & ~np.concatenate(([False], link[:-1]))
     place = np.arange(len(link))
     since = np.maximum.accumulate(np.where(begins, place, 0)) if len(link) else place
-    starts = np.flatnonzero(link & ((place - since) % 2 == 0))
+    starts = (link & ((place - since) % 2 == 0)).nonzero()[0]
     paired = np.zeros(rows.shape[1], bool)
     paired[starts] = paired[starts + 1] = True
     return starts, paired

@@ -182,9 +182,9 @@ class ToldTransfers:
     ) -> None:
         """Add rows in the order in which they ended: those of the first mask, and as notes those of the second."""
         for noted, mask in enumerate(masks):
-            some = np.flatnonzero(mask)
+            some = mask.nonzero()[0]
             batch = self.broken.batch[rows[some]]
-            ends = [0, *(np.flatnonzero(batch[1:] != batch[:-1]) + 1).tolist(), len(some)]
+            ends = [0, *((batch[1:] != batch[:-1]).nonzero()[0] + 1).tolist(), len(some)]
             for begin, end in pairwise(ends) if len(some) else ():
                 part, which = self._part(batch.item(begin), CHECKSUM, bool(noted), drops), some[begin:end]
                 part.row.extend(rows[which].tolist())

@@ -71,7 +71,7 @@ def _messages(t: TransferTable, senders: Array) -> tuple[Array, ...]:
     if len(senders):
         wanted = np.zeros(_NODES, bool)
         wanted[senders] = True
-        rows = np.flatnonzero(t.kind == MESSAGE)
+        rows = (t.kind == MESSAGE).nonzero()[0]
         rows = rows[wanted[_senders(t, rows)]]
     return _senders(t, rows), rows.astype(np.uint32), t.code[rows], t.transfer_id[rows], t.step[rows]
 
@@ -79,7 +79,7 @@ def _messages(t: TransferTable, senders: Array) -> tuple[Array, ...]:
 def _uptimes(view: View) -> tuple[Array, ...]:
     """Return what nodes say: senders, rows of the transfers, times, seconds, transfer IDs."""
     t, table = view.transfers, view.table(NODE_STATUS)
-    rows = np.empty(0, np.int64) if table is None else np.flatnonzero(table.trusted)
+    rows = np.empty(0, np.int64) if table is None else table.trusted.nonzero()[0]
     seconds = np.empty(0, np.int64) if table is None else table["uptime_sec"][rows].astype(np.int64)
     row = rows if table is None else table.row[rows]
     return _senders(t, row), row.astype(np.uint32), t.t[row], seconds, t.transfer_id[row]

@@ -62,7 +62,7 @@ class UnassignedFrames(Rule):
         if not f.verdict.any() and not int(np.bitwise_or.reduce(f.anomaly)) & IMPOSSIBLE:
             return
         odd = (f.verdict > _FOREIGN) | ((f.verdict == _USED) & (f.anomaly & IMPOSSIBLE != 0) & (f.flags & FD == 0))
-        rows = np.flatnonzero(odd)
+        rows = odd.nonzero()[0]
         if not len(rows):
             return
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
@@ -86,7 +86,7 @@ class UnassignedFrames(Rule):
     def _follow(self, view: View) -> Array:
         """Note first transfers of sessions; return these sessions in order if any is new."""
         t = view.transfers
-        rows = np.flatnonzero(~t.has("step"))
+        rows = (~t.has("step")).nonzero()[0]
         if not len(rows):
             return rows
         kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
@@ -116,7 +116,7 @@ class UnassignedFrames(Rule):
             mask = np.zeros(len(held), bool)
             mask[at[held[at] == settled.number]] = True
             self._let_go(mask)
-        some = np.flatnonzero(settled.known & (settled.verdict != _FOREIGN))
+        some = (settled.known & (settled.verdict != _FOREIGN)).nonzero()[0]
         if not len(some):
             return LooseFrames.none()
         late = settled.of(some)
@@ -150,7 +150,7 @@ def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     found = np.zeros(len(anomaly), np.int16)
     for k, kind in enumerate(_KINDS):
         found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int16(1 << k)
-    starts = np.flatnonzero(found & _STARTS)
+    starts = (found & _STARTS).nonzero()[0]
     if not len(starts):
         return found
     later = _goes_on(view, frames.take(starts))

@@ -111,14 +111,14 @@ class WrongCrcs:
         """Tell of some, of which those that `may` be searched are for certain."""
         if not len(rows):
             return
-        broken, some, left = told.broken, np.flatnonzero(may), np.ones(len(rows), bool)
+        broken, some, left = told.broken, may.nonzero()[0], np.ones(len(rows), bool)
         found, starts = ask(view, WRONG_CRC, broken.lists(rows[some])), broken.starts(rows)
         if len(some):
             calm = self._calm(view, broken, rows[some], senders.take(some), (found.value >= 0, starts[some]))
             left[some[calm]] = False
             yield from self._tell_calm(told, rows[some[calm]], senders.take(some[calm]), (found, calm))
         places = np.cumsum(may) - 1
-        for k in np.flatnonzero(left).tolist():
+        for k in left.nonzero()[0].tolist():
             row, source, sender = rows.item(k), senders.sources[senders.which[k]], senders.number.item(k)
             if self._is_known(view, told, row, source):
                 continue
@@ -142,7 +142,8 @@ class WrongCrcs:
         odd |= np.array([bool(view.types.starting_from(start)) for start in starts.tolist()], bool)
         strange = [self._may_be_known(view, source) or self._formulas.holds(source) for source in senders.sources]
         strange_too = np.bincount(senders.which[odd], minlength=len(strange)) != 0
-        return np.flatnonzero(~(np.array(strange, bool) | strange_too)[senders.which])
+        calm: Array = ~(np.array(strange, bool) | strange_too)[senders.which]
+        return calm.nonzero()[0]
 
     def _tell_calm(
         self, told: ToldTransfers, rows: Array, senders: _Senders, answers: tuple[FrameSearch, Array]
