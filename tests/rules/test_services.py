@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import pytest
 from kit.encode import Transfer, transfer
-from kit.judged import Said, judge, proved, whole
+from kit.judged import Said, judge, proved, registry, whole
 from kit.simulated import flight
 from kit.traffic import Timed, alive, log
+
+from analyzer.decode.engine import Engine
+from analyzer.rules import recent
+from analyzer.rules.judge import Judge
+from analyzer.rules.transfers import services
 
 RULES = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 CALL = "uavcan.protocol.param.GetSet"
@@ -110,6 +115,33 @@ def test_a_silent_server_is_reported_once_the_second_is_over() -> None:
     assert (one.rule, one.severity, one.node, one.first) == ("TRF-022", "warning", CLIENT, 10)
     assert one.text == "no answer of node 11 within 1.0 s"
     assert seen((4010, ask()), end=5000) == []
+
+
+def test_lines_of_requests_that_wait_are_kept_though_nothing_but_frames_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Requests wait for a sign of their server while frames come for which the recent past has no room."""
+    monkeypatch.setattr(recent, "KEPT", 1024)
+    monkeypatch.setattr(services, "SOON_GONE", 256)
+    asked = log(*((t, alive(t // 500, 99, t // 500)) for t in range(0, 5000, 500)), (1100, ask()), (1200, ask(4)))
+    begun = asked.splitlines()
+    base = float(begun[-1].split()[0].strip("()"))
+    others = [f"({base + k / 1000:.6f}) can0 14040A0C#{'AB' * 7}24" for k in range(1, 3000)]
+    lines, running, judge_ = [*begun, *others], Engine(registry()), Judge(registry())
+    for at in range(0, len(lines), 50):
+        for batch in [*running.feed("".join(f"{one}\n" for one in lines[at : at + 50]).encode()), running.flush()]:
+            judge_.feed(batch)
+    (missed,) = [run for key, run in judge_.finish().runs if key.rule == "TRF-022"]
+    shown = [line.split()[2] for one in missed.examples for line in one.lines]
+    requests = [line.split()[2] for line in begun if line.split()[2][4:8] == f"8B{0x80 | CLIENT:02X}"]
+    assert len(shown) == 2
+    assert shown == [one for one in requests if one in shown]
+
+
+def test_what_waits_takes_slots_that_others_have_left() -> None:
+    server = [(t, alive(t // 500, SERVER, t // 500)) for t in range(250, 60000, 500)]
+    calls = [(1000 + 100 * k, ask(k % 32)) for k in range(580)]
+    replies = [(1010 + 100 * k, answer(k % 32)) for k in range(580) if k % 50 != 7]
+    found = seen(*server, *calls, *replies, end=60000)
+    assert [(one.rule, one.count) for one in found] == [("TRF-022", 12)]
 
 
 def test_a_slow_answer_is_a_note() -> None:

@@ -143,31 +143,33 @@ class Services(Rule):
         """Yield calls of this batch, and those whose time is over."""
         self._note_held(view)
         self._nodes.feed(view.frames)
-        t = view.transfers
-        if not len(t):
-            return
-        now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
+        if len(view.transfers):
+            yield from self._follow(view, view.transfers)
+        first = view.frames.first
+        self._kept.keep_lines(view, min(first, first + len(view.frames) - SOON_GONE))
+
+    def _follow(self, view: View, t: TransferTable) -> Iterator[Occurrences | Occurrence]:
+        """Yield calls of the transfers of a batch, and keep those of which more may be told."""
         rows, begin = (t.kind >= REQUEST).nonzero()[0], len(self._kept)
-        self._now = int(now[-1])
-        heard = self._first_heard(t.bus.astype(np.int64) * _NODES + t.src)
-        found = self._calls.feed((*_given(t, rows), now[rows], rows), heard, begin, self._now, view.end)
+        now = np.maximum(np.maximum.accumulate(t.t_end)[rows], self._now) if len(rows) else rows
+        self._now = max(int(t.t_end.max()), self._now)
+        heard = self._first_heard(t.bus * np.int64(_NODES) + t.src)
+        found = self._calls.feed((*_given(t, rows), now, rows), heard, begin, self._now, view.end)
         yield from self._told(view, rows, found)
-        self._keep(view, rows, *(cells(column, np.int64) for column in self._calls.keep(begin)))
+        self._keep(t, rows, *(cells(column, np.int64) for column in self._calls.keep(begin)))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what the end of the capture leaves open."""
         yield from self._told(view, np.empty(0, np.int64), self._calls.finish(view.end))
 
-    def _keep(self, view: View, rows: Array, new: Array, slots: Array, left: Array) -> None:
-        """Keep the transfers in these places among rows of the batch, and the lines of all that will soon be gone."""
+    def _keep(self, t: TransferTable, rows: Array, new: Array, slots: Array, left: Array) -> None:
+        """Keep the transfers in these places among rows of the batch, and no more those in slots that were left."""
         if len(left):
             self._kept.clear(left)
         if len(new):
             while slots.max() >= len(self._kept):
                 self._kept = self._kept.twice()
-            self._kept.put(slots, _Parts.of(view.transfers, rows[new]))
-        first = view.frames.first
-        self._kept.keep_lines(view, min(first, first + len(view.frames) - SOON_GONE))
+            self._kept.put(slots, _Parts.of(t, rows[new]))
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
@@ -180,6 +182,8 @@ class Services(Rule):
     def _first_heard(self, who: Array) -> tuple[Array, Array]:
         """Return the first row of each node that was not heard before, in order, and the node."""
         new = (~self._heard[who]).nonzero()[0]
+        if not len(new):
+            return new, new
         order, begins = by_key(who[new])
         rows = np.sort(new[order[begins]])
         self._heard[who[rows]] = True
