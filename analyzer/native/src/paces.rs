@@ -1,5 +1,6 @@
 //! Reports of many senders, each at a steady pace of its own or not, and where they break.
 #![forbid(unsafe_code)]
+#![allow(clippy::cast_precision_loss)] // times in ns, which are told in parts of periods
 
 mod period;
 
@@ -116,8 +117,8 @@ impl Paces {
         self.reports.clear();
         self.reports.append(&mut one.kept);
         self.reports.extend_from_slice(new);
-        let begin = one.breaks(&self.limits, &self.reports, old, found);
-        let kept = begin.max(self.reports.len().saturating_sub(KEPT));
+        let since = one.breaks(&self.limits, &self.reports, old, found);
+        let kept = since.max(self.reports.len().saturating_sub(KEPT));
         one.kept.extend_from_slice(&self.reports[kept..]);
         one.last = last.t;
         settled

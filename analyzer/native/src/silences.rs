@@ -1,5 +1,6 @@
 //! Which frame was the last one before a time without any: one that came late hides others.
 #![forbid(unsafe_code)]
+#![allow(clippy::cast_precision_loss)] // as the times of a capture are compared with a setting
 
 /// Of frames, by their places in the order in which they came, that came more than `silence` ns behind the one before
 /// them: which of the `mixed` before each is the latest that is not later than the one before it by a silence.

@@ -45,7 +45,7 @@ pub fn by_session(bus: u8, id: &[u32], tail: &[u8], rows: Option<&[i64]>) -> Opt
     let session = |&at: &i64| {
         let key = i64::from(keys[place[at as usize] as usize]);
         let (node, kind) = (key >> KEY_BITS, key & i64::from(KEY));
-        i64::from(bus) << BUS_BITS | node << KEY_BITS | kind >> 1 | (kind & 1) * SERVICE
+        (i64::from(bus) << BUS_BITS) | (node << KEY_BITS) | (kind >> 1) | ((kind & 1) * SERVICE)
     };
     let codes = first.iter().map(session).collect();
     first.push(keys.len() as i64);

@@ -55,7 +55,7 @@ struct Node {
 pub struct Nodes {
     least: i64,
     most: usize,
-    nodes: Vec<Node>,
+    known: Vec<Node>,
 }
 
 impl Nodes {
@@ -63,7 +63,7 @@ impl Nodes {
         Nodes {
             least,
             most,
-            nodes: vec![],
+            known: vec![],
         }
     }
 
@@ -74,15 +74,15 @@ impl Nodes {
             return false;
         }
         let buses = frames.bus.iter().max().map_or(0, |&bus| usize::from(bus) + 1);
-        if buses * NODES > self.nodes.len() {
-            self.nodes.resize_with(buses * NODES, Node::default);
+        if buses * NODES > self.known.len() {
+            self.known.resize_with(buses * NODES, Node::default);
         }
         for row in 0..rows {
             let (t, node) = (frames.t[row], frames.id[row] & NODE);
             if node == 0 || frames.flags[row] & frames.asked != frames.wanted || t == frames.no_time {
                 continue;
             }
-            let one = &mut self.nodes[usize::from(frames.bus[row]) * NODES + node as usize];
+            let one = &mut self.known[usize::from(frames.bus[row]) * NODES + node as usize];
             one.pause(t, self.least, self.most);
             one.last = Some(Last {
                 t,
@@ -95,7 +95,7 @@ impl Nodes {
 
     /// Notes what is silent up to the end of its bus.
     pub fn finish(&mut self, bus: usize, end: i64) {
-        for one in self.nodes.iter_mut().skip(bus * NODES).take(NODES) {
+        for one in self.known.iter_mut().skip(bus * NODES).take(NODES) {
             one.pause(end, self.least, self.most);
         }
     }
@@ -103,7 +103,7 @@ impl Nodes {
     /// Nodes whose last frame is before a number, each once for a silence: with that frame.
     pub fn fell_silent(&mut self, number: i64) -> Vec<(i64, i64)> {
         let mut found = vec![];
-        for (node, one) in self.nodes.iter_mut().enumerate() {
+        for (node, one) in self.known.iter_mut().enumerate() {
             if let Some(last) = one.last.as_mut().filter(|last| !last.told && last.number < number) {
                 last.told = true;
                 found.push((node as i64, last.number));
@@ -134,29 +134,29 @@ impl Nodes {
     /// Whether a node that was heard lies in a gap at a time; `end` is the last time so far.
     pub fn is_silent(&self, node: i64, t: i64, end: i64) -> bool {
         self.node(node).is_some_and(|one| {
-            let last = |last: Last| last.t <= t && end.wrapping_sub(last.t) > self.least;
-            one.last.is_some_and(last) || one.gaps.iter().any(|gap| gap.start <= t && t < gap.stop)
+            let ended = |last: Last| last.t <= t && end.wrapping_sub(last.t) > self.least;
+            one.last.is_some_and(ended) || one.gaps.iter().any(|gap| gap.start <= t && t < gap.stop)
         })
     }
 
     fn node(&self, node: i64) -> Option<&Node> {
-        self.nodes.get(usize::try_from(node).ok()?)
+        self.known.get(usize::try_from(node).ok()?)
     }
 }
 
 impl Node {
     /// Notes a gap in front of a time, if there is one.
     fn pause(&mut self, stop: i64, least: i64, most: usize) {
-        let Some(last) = self.last.filter(|last| stop.wrapping_sub(last.t) > least) else {
+        let Some(before) = self.last.filter(|before| stop.wrapping_sub(before.t) > least) else {
             return;
         };
         if self.gaps.len() >= most {
             self.gaps.pop_front();
         }
         self.gaps.push_back(Gap {
-            start: last.t,
+            start: before.t,
             stop,
-            number: last.number,
+            number: before.number,
         });
     }
 }

@@ -1,5 +1,6 @@
 //! The usual time between the last reports of a sender.
 #![forbid(unsafe_code)]
+#![allow(clippy::cast_precision_loss)] // times in ns, which are told in parts of periods
 
 use super::{Report, MEMORY};
 
@@ -29,10 +30,8 @@ pub fn period(reports: &[Report], fewest: usize) -> f64 {
         return 0.0;
     }
     let found = steady(took, count);
-    let (Some(first), Some(last)) = (reports.first(), reports.last()) else {
-        return 0.0;
-    };
-    if found == 0.0 && last.lost > first.lost {
+    let up_to = |one: Option<&Report>| one.map(|one| one.lost);
+    if found == 0.0 && up_to(reports.last()) > up_to(reports.first()) {
         for (took, lost) in took.iter_mut().zip(lost) {
             *took /= 1.0 + lost;
         }
@@ -81,6 +80,7 @@ fn steady(took: Each, count: usize) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // the period that is told, and no other
 mod tests {
     use super::{period, Report};
 

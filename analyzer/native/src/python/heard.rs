@@ -131,13 +131,13 @@ impl HeardNodes {
 /// tail bytes; where sessions begin and the last one ends, and their codes, i64.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
-pub fn frames_by_session<'py>(
-    py: Python<'py>,
+pub fn frames_by_session(
+    py: Python<'_>,
     bus: u8,
     id: PyBuffer<u32>,
     tail: PyBuffer<u8>,
     rows: Option<PyBuffer<i64>>,
-) -> PyResult<(Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>)> {
+) -> PyResult<(Column<'_>, Column<'_>, Column<'_>, Column<'_>, Column<'_>)> {
     let (id, tail) = (Lent::of(py, id)?, Lent::of(py, tail)?);
     let rows = rows.map(|rows| Lent::of(py, rows)).transpose()?;
     let found = py
