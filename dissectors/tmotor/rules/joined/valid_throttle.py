@@ -122,4 +122,6 @@ class ValidThrottles:
     def feed(self, now: Mapping[int, RawCommands]) -> None:
         """Make the next commands the last ones."""
         for bus, sent in now.items():
-            self._buses.setdefault(bus, ValidThrottle()).feed(sent)
+            if bus not in self._buses:
+                self._buses[bus] = ValidThrottle()
+            self._buses[bus].feed(sent)

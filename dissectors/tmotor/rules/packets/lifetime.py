@@ -77,14 +77,16 @@ class Lives(Rule):
         first = np.ones(len(rows), bool)
         first[1:] = keys[1:] != keys[:-1]
         back = np.zeros(len(rows), bool)
-        back[1:] = ~first[1:] & ((np.diff(powered) < 0) | (np.diff(runtime) < 0))
+        back[1:] = ~first[1:] & ((powered[1:] < powered[:-1]) | (runtime[1:] < runtime[:-1]))
         for k in (first | back).nonzero()[0].tolist():
-            was = self._last.get(int(keys[k])) if first[k] else _life(table, int(rows[k - 1]))
-            if was is not None:
+            was = self._last.get(keys.item(k)) if first[k] else _life(table, int(rows[k - 1]))
+            if was is not None and (powered.item(k) < was.powered or runtime.item(k) < was.runtime):
                 yield from self._compare(view, table, int(rows[k]), was)
-        for k in np.append(first[1:], True).nonzero()[0].tolist():
-            if int(keys[k]) in self._last or len(self._last) < _MOST_UNITS:
-                self._last[int(keys[k])] = _life(table, int(rows[k]))
+        ends = np.append(first[1:], True).nonzero()[0]
+        columns = keys[ends], table.t[rows[ends]], powered[ends], runtime[ends]
+        for key, *life in zip(*(column.tolist() for column in columns), strict=True):
+            if key in self._last or len(self._last) < _MOST_UNITS:
+                self._last[key] = _Life(*life)
 
     def _compare(self, view: View, table: DecodedTable, row: int, was: _Life) -> Iterator[Occurrence]:
         now = _life(table, row)
@@ -120,9 +122,13 @@ class Lives(Rule):
             elif max(seen) <= doubt.since:
                 yield doubt.found
         self._doubts = kept
-        for node in np.bincount(nodes[good]).nonzero()[0].tolist():
+        rows = good.nonzero()[0]
+        last = np.full(int(nodes[rows].max(initial=0)) + 1, -1)
+        last[nodes[rows]] = rows  # of a node's rows the last one stays
+        found = (last >= 0).nonzero()[0]
+        for node, t in zip(found.tolist(), started[last[found]].tolist(), strict=True):
             if node in self._started or len(self._started) < _MOST_UNITS:
-                self._started[node] = int(started[good & (nodes == node)][-1])
+                self._started[node] = t
 
 
 def _life(table: DecodedTable, row: int) -> _Life:

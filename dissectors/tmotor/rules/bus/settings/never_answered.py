@@ -143,7 +143,7 @@ class NeverAnswered(Rule):
         first = int(slots.min())
         who = bus.astype(np.int64) << 16 | node.astype(np.int64) << 8 | unit
         both = who << _SLOT_BITS | slots - first
-        for one in np.unique(both[changes(both, -1)]).tolist():
+        for one in sorted({*both[changes(both, -1)].tolist()}):
             key, slot = one >> _SLOT_BITS, (one & (1 << _SLOT_BITS) - 1) + first
             known = self._heard.get((key >> 16, key >> 8 & 0xFF, key & 0xFF))
             if known is None:
