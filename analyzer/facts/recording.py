@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.columns import senders
 from analyzer.facts.error_frames import CONTROLLER, overflowed
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.facts.recorder import DROPS, ERRORS, stated
@@ -37,6 +38,7 @@ class RecordingFacts:
         self._cut = False
         self._first: int | None = None
         self._running: dict[tuple[int, int], bool] = {}  # whether a node ran before the capture began
+        self._heard = np.zeros(1 << 16, bool)  # of which nodes, by bus and node ID, that is known
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -82,15 +84,19 @@ class RecordingFacts:
         )
 
     def _note_uptimes(self, table: pa.RecordBatch) -> None:
+        if self._first is None:
+            return
         t, valid = times(table)
-        good = valid & numbers(table.column("trusted"))
-        bus, src, uptime = (numbers(table.column(name)) for name in ("bus", "src", "uptime_sec"))
-        rows = np.flatnonzero(good)
-        _, first = np.unique(bus[rows].astype(np.int64) << 8 | src[rows], return_index=True)
-        for row in rows[first].tolist():
-            node = int(bus[row]), int(src[row])
-            if node not in self._running and self._first is not None:
-                self._running[node] = int(uptime[row]) * SECOND > int(t[row]) - self._first + _WHOLE
+        nodes = senders(table)
+        new = valid & numbers(table.column("trusted")) & ~self._heard[nodes]
+        rows = new.nonzero()[0]
+        if not len(rows):
+            return
+        uptime = numbers(table.column("uptime_sec"))
+        codes, first = np.unique(nodes[rows], return_index=True)
+        self._heard[codes] = True
+        for code, row in zip(codes.tolist(), rows[first].tolist(), strict=True):
+            self._running[code >> 8, code & 0xFF] = int(uptime[row]) * SECOND > int(t[row]) - self._first + _WHOLE
 
 
 def mixed(stamps: Iterable[str]) -> bool:

@@ -5,11 +5,11 @@ An accumulator over batches with bounded memory, and its result.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.columns import senders as nodes_of
 from analyzer.decode.grouped import grouped
 from analyzer.facts.losses import LostTransfers
 from analyzer.facts.node_names import NodeNames
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 COMMANDS = "commands"  # role of whoever has no other and actuates
 _MESSAGE = KINDS.index("message")
+_NODES = 1 << 16  # bus and node ID
 _ROUGHLY = 3 * SECOND // 2  # an uptime is whole seconds, and its report comes a little late
 
 
@@ -65,6 +66,14 @@ class SenderFacts:
     uptime: int | None = None
 
 
+class _Uptimes:
+    """The last report of each node, by bus and node ID: whether there was one, its seconds, its time if it had one."""
+
+    def __init__(self) -> None:
+        self.told, self.timed = np.zeros(_NODES, bool), np.zeros(_NODES, bool)
+        self.seconds, self.t = np.zeros(_NODES, np.int64), np.zeros(_NODES, np.int64)
+
+
 class Senders:
     """Adds up batches. Bounds: those of `NodeNames`, and the nodes that there can be."""
 
@@ -72,8 +81,8 @@ class Senders:
         self.names = NodeNames()
         self.software = Software()
         self._losses = LostTransfers()
-        self._uptimes: dict[int, tuple[int, int | None]] = {}  # seconds and the time of the last report
-        self._restarts: Counter[tuple[int, int]] = Counter()
+        self._uptimes = _Uptimes()
+        self._restarts = np.zeros(_NODES, np.int64)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -99,9 +108,9 @@ class Senders:
             whole = [about for talk, about in sent_ if about is not None and talk.count > talk.bad]
             roles = tuple(dict.fromkeys(about.role for about in whole if about.role))
             channels = set[int]().union(*(talk.channels for talk, _ in sent_))
-            at = bus, src
-            uptime = None if anonymous else self._uptimes.get(bus << 8 | src, (None,))[0]
-            restarts = None if uptime is None else self._restarts[at]
+            at, code = (bus, src), bus << 8 | src
+            uptime = self._uptimes.seconds.item(code) if self._uptimes.told[code] and not anonymous else None
+            restarts = None if uptime is None else self._restarts.item(code)
             yield SenderFacts(
                 bus=buses[bus],
                 node=src,
@@ -126,20 +135,20 @@ class Senders:
         """Count uptimes that fell and can have begun since the report before: an old report again is none."""
         rows = np.flatnonzero(numbers(table.column("trusted")))
         t, timed = (column[rows] for column in times(table))
-        bus, src, uptime = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src", "uptime_sec"))
-        order, begins = grouped(node := bus << 8 | src)
-        nodes, ends = node[order[begins]].tolist(), np.append(begins[1:], len(order)) - 1
+        node, uptime = nodes_of(table)[rows], numbers(table.column("uptime_sec"))[rows].astype(np.int64)
+        order, begins = grouped(node)
+        nodes, ends = node[order[begins]], np.append(begins[1:], len(order)) - 1
         t, timed, uptime = t[order], timed[order], uptime[order]
-        first = zip(nodes, uptime[begins].tolist(), strict=True)
-        before = [self._uptimes.get(code, (seconds, None)) for code, seconds in first]
+        last = self._uptimes
         earlier = np.append(uptime[:1], uptime[:-1])
-        earlier[begins] = [seconds for seconds, _ in before]
-        for k in np.flatnonzero(uptime < earlier).tolist():
-            of = int(np.searchsorted(begins, k, "right")) - 1
-            past = before[of][1] if k == begins[of] else t.item(k - 1) if timed[k - 1] else None
-            passed = None if past is None or not timed[k] else t.item(k) - past
-            if passed is None or uptime.item(k) * SECOND <= passed + _ROUGHLY:
-                self._restarts[nodes[of] >> 8, nodes[of] & 0xFF] += 1
-        last = (uptime[ends].tolist(), t[ends].tolist(), timed[ends].tolist())
-        for code, seconds, since, known in zip(nodes, *last, strict=True):
-            self._uptimes[code] = seconds, since if known else None
+        earlier[begins] = np.where(last.told[nodes], last.seconds[nodes], uptime[begins])
+        fell = np.flatnonzero(uptime < earlier)
+        if len(fell):
+            of = np.searchsorted(begins, fell, "right") - 1
+            whose, begun = nodes[of], begins[of] == fell
+            since = np.where(begun, last.t[whose], t[fell - 1])
+            known = np.where(begun, last.timed[whose], timed[fell - 1]) & timed[fell]
+            fits = uptime[fell] * SECOND <= t[fell] - since + _ROUGHLY
+            np.add.at(self._restarts, whose[fits | ~known], 1)
+        last.told[nodes], last.seconds[nodes] = True, uptime[ends]
+        last.t[nodes], last.timed[nodes] = t[ends], timed[ends]

@@ -118,6 +118,7 @@ class Talks:
 
     def __init__(self) -> None:
         self.all: dict[TalkKey, Talk] = {}
+        self._by_code: dict[int, tuple[TypeKey, Talk]] = {}
         self.beyond = 0
 
     def feed(self, transfers: pa.RecordBatch) -> set[TypeKey]:
@@ -136,10 +137,15 @@ class Talks:
         types: set[TypeKey] = set()
         columns = (column.tolist() for column in (code[order[begins]], count, bad, firsts, lasts))
         for one, number, broken, first, last in zip(*columns, strict=True):
-            types.add(type_ := _type(one))
-            talk = self._talk((one >> 40, one >> 32 & 0xFF, type_), number)
-            if talk is None:
-                continue
+            known = self._by_code.get(one)
+            if known is None:
+                types.add(type_ := _type(one))
+                talk = self._talk((one >> 40, one >> 32 & 0xFF, type_), number)
+                if talk is None:
+                    continue
+                known = self._by_code[one] = type_, talk
+            type_, talk = known
+            types.add(type_)
             talk.count += number
             talk.bad += broken
             if first <= last:
@@ -148,12 +154,12 @@ class Talks:
         return types
 
     def _talk(self, key: TalkKey, count: int) -> Talk | None:
-        if key not in self.all:
-            if len(self.all) >= MOST_TALKS:
-                self.beyond += count
-                return None
-            self.all[key] = Talk()
-        return self.all[key]
+        """Return a talk that is new, None if there is no room for it."""
+        if len(self.all) >= MOST_TALKS:
+            self.beyond += count
+            return None
+        talk = self.all[key] = Talk()
+        return talk
 
 
 def _type(code: int) -> TypeKey:
