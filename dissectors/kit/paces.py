@@ -29,7 +29,7 @@ _LATER = 5 * SECOND // 2
 # Times of a sender that may be breaks and are looked at together, twice as many if none is: behind one it begins anew.
 _AHEAD, _MOST_AHEAD = 4, 1 << 10
 _TOGETHER = 1 << 11  # times of all senders that cost no more than fewer do
-_AT_ONCE = 1 << 13  # windows whose periods are looked for together
+_AT_ONCE = 1 << 11  # windows whose periods are looked for together
 
 
 def _periods(times: Array, lost: Array, fewest: int) -> Array:

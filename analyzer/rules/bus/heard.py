@@ -203,28 +203,32 @@ class HeardSessions:
     def feed(self, frames: FrameTable) -> Iterator[SessionBegins]:
         """Add a batch; yield what began on each bus."""
         for ours in bus_frames(frames).values():
-            at, first = ours.begins
-            transfer_id = (ours.tail[at] & TAIL_ID).astype(np.int64)
-            lost = np.zeros(len(at), np.int64)
-            np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
-            some = ours.messages[~ours.beyond(ours.messages, self._last)]
-            codes = ours.codes[some]
-            rows = self._known(codes)
-            place, going, before, left = self._last.cells(rows)
-            goes_on = (going != 0) & (ours.tail[ours.first[some]] & TAIL_START == 0)
-            begin, end = first[some] + goes_on, first[some + 1]
-            self._last.put(rows, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
-            new = np.flatnonzero(begin < end)
-            rows, codes, place, begin, end = (column[new] for column in (rows, codes, place, begin, end))
-            missed = np.maximum((transfer_id[begin] - before[new]) % TRANSFER_IDS - 1, 0)
-            left = left[new] + np.where(before[new] >= 0, missed, 0) - lost[begin]
-            self._last.put(rows, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
-            stop = np.cumsum(end - begin)
-            begun = np.arange(stop[-1] if len(stop) else 0) + np.repeat(end - stop, end - begin)
-            number, more = ours.row[at[begun]], np.repeat(left, end - begin)
-            yield SessionBegins(
-                codes, place, np.append(0, stop), ours.times[number], frames.first + number, lost[begun] + more
-            )
+            yield self._begins(frames, ours)
+
+    def _begins(self, frames: FrameTable, ours: BusFrames) -> SessionBegins:
+        """Return what began on a bus; what that is made of is large, and gone when somebody looks at it."""
+        at, first = ours.begins
+        transfer_id = (ours.tail[at] & TAIL_ID).astype(np.int64)
+        lost = np.zeros(len(at), np.int64)
+        np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
+        some = ours.messages[~ours.beyond(ours.messages, self._last)]
+        codes = ours.codes[some]
+        rows = self._known(codes)
+        place, going, before, left = self._last.cells(rows)
+        goes_on = (going != 0) & (ours.tail[ours.first[some]] & TAIL_START == 0)
+        begin, end = first[some] + goes_on, first[some + 1]
+        self._last.put(rows, goes_on=ours.tail[ours.first[some + 1] - 1] & TAIL_END == 0)
+        new = np.flatnonzero(begin < end)
+        rows, codes, place, begin, end = (column[new] for column in (rows, codes, place, begin, end))
+        missed = np.maximum((transfer_id[begin] - before[new]) % TRANSFER_IDS - 1, 0)
+        left = left[new] + np.where(before[new] >= 0, missed, 0) - lost[begin]
+        self._last.put(rows, transfer_id=transfer_id[end - 1], lost=lost[end - 1] + left)
+        stop = np.cumsum(end - begin)
+        begun = np.arange(stop[-1] if len(stop) else 0) + np.repeat(end - stop, end - begin)
+        number, more = ours.row[at[begun]], np.repeat(left, end - begin)
+        return SessionBegins(
+            codes, place, np.append(0, stop), ours.times[number], frames.first + number, lost[begun] + more
+        )
 
     def _known(self, codes: Array) -> Array:
         """Return the rows of sessions, which are there from now on."""
