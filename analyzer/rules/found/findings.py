@@ -6,6 +6,7 @@ The result does not depend on the order in which occurrences come in, as long as
 from __future__ import annotations
 
 from bisect import insort
+from sys import intern
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -46,7 +47,10 @@ class _Told(NamedTuple):
         values, frames = found.values(row), tuple(found.frames(row))
         lines = self.view.lines(frames) if found.lines is None else found.lines(row)
         place = found.t.item(row), found.frame.item(row)
-        return Shown(*place, self.page.say(values), str(values.get("cause", "")), frames, lines)
+        text = self.page.say(values)
+        if type(text) is str:
+            text = intern(text)  # thousands say the same
+        return Shown(*place, text, str(values.get("cause", "")), frames, lines)
 
 
 class Findings:
@@ -68,6 +72,7 @@ class Findings:
         }
         self.kept: dict[FindingKey, KeyRuns] = {}
         self._alike: dict[tuple[object, ...], AlikeRuns] = {}
+        self._beyond: set[int] = set()
         self._changed: list[KeyRuns] = []
         self._total = 0  # runs of all rules
         self.changes = 0  # how often something was added
@@ -135,7 +140,7 @@ class Findings:
             if same is None:
                 same = alike[kind] = self._alike_of(found, *kind)
             kept = same.known.get(about) if lasts else None
-            if kept is None and about[:3] not in same.beyond:
+            if kept is None and not same.is_beyond(about):
                 kept = self._kept_apart(told, same, about, row)
             if kept is None:
                 further.setdefault(kind, []).append(at)
@@ -165,7 +170,7 @@ class Findings:
         (bus, node, number, _), found, shared = about, told.found, alike.shared
         full, keyed = len(self.kept) >= MOST_GROUPS, told.page.key
         if full and keyed and Spot(shared.rule, bus, node, told.view.type_name(number)) not in self.spots:
-            alike.leave_out(about[:3])
+            alike.leave_out(about)
             return None
         named = told.page.key_of((found.key_values or found.values)(row)) if keyed else ""
         known: tuple[int, int, int, int | str] = (bus, node, number, named if keyed else 0)
@@ -178,7 +183,7 @@ class Findings:
             if kept is not None:
                 alike.known[known] = kept
             elif not keyed:
-                alike.leave_out(about[:3])
+                alike.leave_out(about)
         return kept
 
     def _alike_of(self, found: Occurrences, noted: bool, doubtful: bool) -> AlikeRuns:
@@ -189,7 +194,8 @@ class Findings:
         if alike is None:
             severity = self._severity(found.rule, found.severity, noted)
             dialects += tuple(TURNED.items()) if doubtful else ()
-            alike = self._alike[kind] = AlikeRuns(FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects))
+            shared = FindingKey(found.rule, severity, -1, -1, "", FURTHER, dialects)
+            alike = self._alike[kind] = AlikeRuns(shared, self._beyond, len(self._alike))
         return alike
 
     def _counted(self, kept: KeyRuns, first: tuple[int, int], last: tuple[int, int], count: int) -> int | None:

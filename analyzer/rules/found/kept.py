@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from analyzer.rules.found.keys import FindingKey
     from analyzer.rules.found.runs import OccurrenceRun
 
-MOST_BEYOND = 1 << 12
+MOST_BEYOND = 1 << 16
 
 
 class RuleRuns:
@@ -54,18 +54,31 @@ class AlikeRuns:
     """The runs of occurrences that are alike but for bus, node, type and key.
 
     `shared` is the key of what comes when no more keys are kept apart, `known` has those that are, by what tells them
-    apart. `beyond` are buses, nodes and types of which none is, and none will be.
+    apart.
+
+    Args:
+        shared: a key.
+        beyond: buses, nodes and types of which none is, and none will be: of all kinds together, as one number each.
+        kind: a number for these occurrences, other than for others.
     """
 
-    __slots__ = ("beyond", "known", "shared")
+    __slots__ = ("_beyond", "_kind", "known", "shared")
 
-    def __init__(self, shared: FindingKey) -> None:
+    def __init__(self, shared: FindingKey, beyond: set[int], kind: int) -> None:
         self.shared = shared
         self.known: dict[tuple[int, int, int, str | int], KeyRuns] = {}
-        self.beyond: set[tuple[int, ...]] = set()
+        self._beyond, self._kind = beyond, kind
 
-    def leave_out(self, about: tuple[int, ...]) -> None:
+    def is_beyond(self, about: tuple[int, int, int, int]) -> bool:
+        """Return whether it is known that nothing of a bus, a node and the number of a type will be kept apart."""
+        return self._number(about) in self._beyond
+
+    def leave_out(self, about: tuple[int, int, int, int]) -> None:
         """Note that nothing of a bus, a node and the number of a type will be kept apart."""
-        if len(self.beyond) >= MOST_BEYOND:
-            self.beyond.clear()
-        self.beyond.add(about)
+        if len(self._beyond) >= MOST_BEYOND:
+            self._beyond.clear()
+        self._beyond.add(self._number(about))
+
+    def _number(self, about: tuple[int, int, int, int]) -> int:
+        bus, node, type_, _ = about
+        return ((self._kind << 9 | bus + 1) << 8 | node + 1) << 33 | type_ + 1  # each may be -1
