@@ -240,7 +240,8 @@ def _places(number: Array, some: list[int]) -> Array:
     if not len(number):
         return wanted[:0]
     at = np.minimum(number.searchsorted(wanted), len(number) - 1)
-    return at[number[at] == wanted]
+    found: Array = at[number[at] == wanted]
+    return found
 
 
 def session_bits(identifier: Array, verdict: Array) -> Array:
