@@ -66,6 +66,7 @@ class JudgedRun:
             for measured in self._check.measured(decoded):
                 self._check.feed(measured)
                 yield measured
+                del measured  # else it would be there while the next one is made
         except CaptureError as error:
             self._unopened = _reason(error, parts[0].name)
             raise

@@ -180,6 +180,7 @@ class Run(AbstractContextManager["Run"]):
         decoder = WindowDecoder(self.engine, selection, alone=alone)
         for batch in decoder.batches(self.ahead(frame_batches(self.source.chunks()))):
             yield self._seen(batch)
+            del batch  # else it would be there while the next one is made
         self._conclude(whole=False)
         if selection.problem is not None:
             self.reject(selection.problem)

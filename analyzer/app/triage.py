@@ -118,6 +118,7 @@ class RunTriage:
         for batch in batches:
             self.feed(batch)
             yield batch
+            del batch  # else it would be there while the next one is made
 
     def feed(self, batch: Batch) -> None:
         """Look at the next batch."""

@@ -192,7 +192,7 @@ class _Wanted:
             decoded = looked.over(run.inside() if periods is None else periods.over(run.inside()))
             with watched(run.source, complaints) as progress:
                 for _ in progress.over(judged.batches(decoded)):
-                    pass
+                    del _  # it is large
             indexes |= {name: index for index, name in enumerate(run.engine.buses)}
         if run.state == "refused":
             raise SystemExit(status.USAGE)

@@ -68,6 +68,7 @@ class Progress(AbstractContextManager["Progress"]):
         for part in parts:
             self.step(label)
             yield part
+            del part  # it may be large
 
     def step(self, label: str = "") -> None:
         """Take note that a part of the work is done; draw at most ten times a second."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from mmap import mmap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Derived, Message, Reading
 
 NODES = 1 << 16  # bus and source node ID
+_BYTES = 8  # of a number
 NEVER = np.iinfo(np.uint64).max
 
 
@@ -33,7 +35,9 @@ class ByNode:
     """
 
     def __init__(self, kind: Any = np.uint64) -> None:
-        self._bits, self._kind = np.zeros(NODES, np.uint64), np.dtype(kind)
+        # Zeros of numpy may lie where others have written before: then all of them are written.
+        self._bits: Array = np.frombuffer(mmap(-1, NODES * _BYTES), np.uint64)
+        self._kind = np.dtype(kind)
 
     def __getitem__(self, nodes: Array | int) -> Array:
         """Return the numbers of some nodes, or of one."""

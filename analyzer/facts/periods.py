@@ -78,6 +78,7 @@ class Periods:
         for batch in batches:
             self.feed(batch)
             yield batch
+            del batch  # it is large
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

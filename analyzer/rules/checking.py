@@ -76,6 +76,7 @@ class Check:
             self._clock.feed(batch)
             bits = batch.bit_times
             yield Measured(batch, bit_times(FrameTable(batch.frames)) if bits is None else bits)
+            del batch, bits  # else they would be there while the next ones are made
 
     def feed(self, measured: Measured) -> None:
         """Add the next batch."""

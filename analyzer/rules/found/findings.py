@@ -6,6 +6,7 @@ The result does not depend on the order in which occurrences come in, as long as
 from __future__ import annotations
 
 from bisect import insort
+from sys import intern
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -64,7 +65,10 @@ class _Told(NamedTuple):
         values, frames = found.values(row), tuple(found.frames(row))
         lines = self.view.lines(frames) if found.lines is None else found.lines(row)
         place = found.t.item(row), found.frame.item(row)
-        return Shown(*place, self.page.say(values), str(values.get("cause", "")), frames, lines)
+        text = self.page.say(values)
+        if type(text) is str:
+            text = intern(text)  # thousands say the same
+        return Shown(*place, text, str(values.get("cause", "")), frames, lines)
 
 
 class Findings:

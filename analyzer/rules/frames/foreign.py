@@ -94,7 +94,9 @@ class Foreign(Rule):
         self._marked += one.number[one.anomaly & _CYPHAL != 0].tolist()
         self._cleared += one.number[one.verdict != _FOREIGN].tolist()
         late = one.of(np.flatnonzero((one.verdict == _FOREIGN) & one.known & (one.flags & EXTENDED != 0)))
-        self._hold(view, _Rows(late.number, late.t, late.bus, late.id))
+        cells = view.frames
+        bus, id_ = late.bus.astype(cells.bus.dtype), late.id.astype(cells.id.dtype)  # those of all that are held
+        self._hold(view, _Rows(late.number, late.t, bus, id_))
 
     def _hold(self, view: View, rows: _Rows) -> None:
         if not len(rows.number):
@@ -135,25 +137,41 @@ class Foreign(Rule):
         """Yield of each session all but the last `patience` frames."""
         if not self._held:
             return
-        held, self._held = self._held, []
-        rows = held[0] if len(held) == 1 else _Rows(*map(np.concatenate, zip(*held, strict=True)))
-        del held  # it is large
-        if (np.diff(rows.number) <= 0).any():  # some were foreign after all
-            rows = rows.at(np.unique(rows.number, return_index=True)[1])
-        if self._cleared:
-            rows = rows.at(np.flatnonzero(np.isin(rows.number, np.array(self._cleared, np.int64), invert=True)))
-            for number in self._cleared:
-                self._lines.pop(number, None)
+        columns = _columns(self._held)
+        places = self._standing(columns[0])
+        if places is not None:
+            _pick(columns, places)
+        rows = _Rows(*columns)
         if self._marked:
-            marked = np.isin(rows.number, np.array(self._marked, np.int64))
-            self._cyphal.update(rows.at(np.flatnonzero(marked)).session.tolist())
+            self._cyphal.update(rows.at(_places(rows.number, self._marked)).session.tolist())
         self._cleared, self._marked = [], []
-        done = _from_end(rows.bus.astype(np.int64) << 32 | rows.id & 0xFF_FFFF) >= patience
+        done = _from_end(rows.bus.astype(np.uint32) << 24 | rows.id & 0xFF_FFFF) >= patience
         done[: max(0, len(rows.number) - MOST_HELD)] = True
-        kept, rows = rows.at(np.flatnonzero(~done)), rows.at(np.flatnonzero(done))
+        del rows
+        kept = _Rows(*_split(columns, done))
         self._held, self._waiting = [kept], len(kept.number)
+        rows = _Rows(*columns)
+        del columns, done
         for start in range(0, len(rows.number), _TOLD):
             yield from self._found(rows.at(slice(start, start + _TOLD)))
+
+    def _standing(self, number: Array) -> Array | None:
+        """Return which frames are foreign, by their places in the order of numbers; None for all of them."""
+        places = None
+        if (number[1:] <= number[:-1]).any():  # some were foreign after all
+            places = number.argsort(kind="stable")
+            number = number[places]
+            first = np.ones(len(number), bool)
+            np.not_equal(number[1:], number[:-1], out=first[1:])
+            if not first.all():
+                places, number = places[first], number[first]
+        if not self._cleared:
+            return places
+        for gone in self._cleared:
+            self._lines.pop(gone, None)
+        stays = np.ones(len(number), bool)
+        stays[_places(number, self._cleared)] = False
+        return stays.nonzero()[0] if places is None else places[stays]
 
     def _found(self, rows: _Rows) -> Iterator[Occurrences | Occurrence]:
         identifier = rows.identifier
@@ -195,6 +213,38 @@ class Foreign(Rule):
             elif key not in self._named:
                 self._further = key
                 return
+
+
+def _columns(parts: list[_Rows]) -> list[Array]:
+    """Return the columns of frames that are held in parts, which are gone: both at once are large."""
+    columns = [*zip(*parts, strict=True)]
+    parts.clear()
+    columns.reverse()
+    return [np.concatenate(columns.pop()) for _ in _Rows._fields]
+
+
+def _pick(columns: list[Array], places: Array) -> None:
+    """Leave nothing but some places in columns, in one after the other."""
+    for k, column in enumerate(columns):
+        columns[k] = column[places]
+
+
+def _split(columns: list[Array], mask: Array) -> Iterator[Array]:
+    """Leave what a mask has in columns, one after the other; yield what else was in each."""
+    for k, column in enumerate(columns):
+        others = column[~mask]
+        columns[k] = column[mask]
+        yield others
+
+
+def _places(number: Array, some: list[int]) -> Array:
+    """Return where some numbers stand among others in order, of those that do."""
+    wanted = np.array(some, np.int64)
+    if not len(number):
+        return wanted[:0]
+    at = np.minimum(number.searchsorted(wanted), len(number) - 1)
+    found: Array = at[number[at] == wanted]
+    return found
 
 
 def session_bits(identifier: Array, verdict: Array) -> Array:

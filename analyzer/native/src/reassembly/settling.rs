@@ -10,13 +10,15 @@ use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::Kind;
 
 impl Reassembler {
-    /// End of capture: what is still open becomes evidence too.
+    /// End of capture: what is still open becomes evidence too. No frame may follow: nothing is known of any session.
     pub fn finish(&mut self) {
         // What turns out to be anonymous after all is heard before the last word on the anonymous.
         for nameless in [true, false] {
             for at in 0..self.sessions.len() {
                 if self.sessions[at].id().is_nameless() == nameless {
                     self.close(at);
+                    // Noise leaves ten thousands of them: what is made of the first frames of each is large.
+                    self.sessions[at].standing = Standing::Foreign;
                 }
             }
         }
