@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from itertools import pairwise
 from typing import Any
 
@@ -305,3 +306,17 @@ def test_many_runs_have_the_same_examples_however_they_came(step: int) -> None:
     runs = outcome("".join(lines), ["CAN-001"], step).runs
     assert len(runs) == 700
     assert [len(run.examples) for _, run in runs] == [4] * 500 + [1] * 200
+
+
+def test_what_is_counted_in_the_core_is_told_at_every_look() -> None:
+    made, told = Findings(PAGES, {}), Results(PAGES, {})
+    for at in range(60):
+        made.feed(many([(at, 2 * at, 1), (at, 2 * at + 1, 2)]), VIEW)
+        before = made.changes
+        counts = [(run.count, run.last) for _, run in told.of(made, (), over=False)]
+        assert counts == [(at + 1, (at * SECOND, 2 * at)), (at + 1, (at * SECOND, 2 * at + 1))]
+        assert made.changes == before
+    copied = deepcopy(made)
+    made.feed(many([(60, 200, 1)]), VIEW)
+    assert [run.count for _, run in Results(PAGES, {}).of(copied, ())] == [60, 60]
+    assert [run.count for _, run in Results(PAGES, {}).of(made, ())] == [61, 60]

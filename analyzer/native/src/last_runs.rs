@@ -87,9 +87,9 @@ impl LastRuns {
         beyond.insert(about);
     }
 
-    /// The part and the key of each group, and its first row; none of those that are not kept apart.
-    pub fn keys(&self, groups: &Groups, alike: u64) -> Vec<Option<(i64, i64, u32)>> {
-        let key = |(about, row): (About, u32)| (!self.is_beyond(alike, about)).then_some((about.part, about.key, row));
+    /// The key of each group and its first row; none of those that are not kept apart.
+    pub fn keys(&self, groups: &Groups, alike: u64) -> Vec<Option<(i64, u32)>> {
+        let key = |(about, row): (About, u32)| (!self.is_beyond(alike, about)).then_some((about.key, row));
         groups.each().map(key).collect()
     }
 
@@ -226,7 +226,6 @@ mod tests {
 
     fn about(node: i64, key: i64) -> About {
         About {
-            part: 0,
             bus: 0,
             node,
             type_: 7,
@@ -311,7 +310,7 @@ mod tests {
         let mut runs = LastRuns::new(1);
         runs.leave_out(4, (0, 5, 7));
         let groups = Groups::of(&[about(5, 1), about(6, 2)], vec![(9, 1); 2], PAUSE);
-        assert_eq!(runs.keys(&groups, 4), vec![None, Some((0, 2, 1))]);
+        assert_eq!(runs.keys(&groups, 4), vec![None, Some((2, 1))]);
         let left = runs.count(&groups, 4, None, Some(PLAIN));
         let left: Vec<_> = left
             .iter()
@@ -319,7 +318,7 @@ mod tests {
             .collect();
         assert_eq!(left, vec![(0, true, 0), (1, false, 1)]);
         runs.leave_out(4, (0, 6, 7));
-        assert_eq!(runs.keys(&groups, 4), vec![Some((0, 1, 0)), None]); // forgotten, and asked for again
+        assert_eq!(runs.keys(&groups, 4), vec![Some((1, 0)), None]); // forgotten, and asked for again
     }
 
     #[test]

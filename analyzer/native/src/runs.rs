@@ -1,10 +1,9 @@
 //! Occurrences of a rule by what they are of, and which of these follow each other without a pause.
 #![forbid(unsafe_code)]
 
-/// All that keeps findings of a rule apart; `noted`: lost frames may explain it. A `key` is one of its part.
+/// All that keeps findings of a rule apart; `noted`: lost frames may explain it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct About {
-    pub part: i64,
     pub bus: i64,
     pub node: i64,
     pub type_: i64,
@@ -136,7 +135,6 @@ mod tests {
 
     fn of(node: i64, key: i64) -> About {
         About {
-            part: 0,
             bus: 0,
             node,
             type_: 7,

@@ -34,9 +34,9 @@ impl LastRuns {
         self.0.leave_out(alike, about);
     }
 
-    /// The part, the key and the first row of each group; `None` for those of which nothing is kept apart.
+    /// The key and the first row of each group; `None` for those of which nothing is kept apart.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn keys(&self, groups: PyRef<'_, OccurrenceGroups>, alike: u64) -> Vec<Option<(i64, i64, u32)>> {
+    fn keys(&self, groups: PyRef<'_, OccurrenceGroups>, alike: u64) -> Vec<Option<(i64, u32)>> {
         self.0.keys(&groups.0, alike)
     }
 

@@ -18,38 +18,35 @@ pub struct OccurrenceGroups(pub Groups);
 
 #[pymethods]
 impl OccurrenceGroups {
-    /// Columns of i64: time, frame, bus, node and type; `keys` are parts and keys, masks tell which rows are noted or
-    /// doubtful, if there are such. A piece ends with a longer pause than `pause`, or where `piece` does unless it is 0: in ns.
+    /// Columns of i64: time, frame, bus, node and type; `key`, and masks of those that are noted or doubtful, if there are
+    /// such. A piece ends with a longer pause than `pause`, or where `piece` does unless it is 0: in ns.
     #[new]
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn new(
         py: Python<'_>,
         columns: [PyBuffer<i64>; 5],
-        keys: [Option<PyBuffer<i64>>; 2],
+        key: Option<PyBuffer<i64>>,
         masks: [Option<PyBuffer<u8>>; 2],
         apart: (i64, i64),
     ) -> PyResult<Self> {
         let [t, frame, bus, node, types] = columns.each_ref().map(|column| column.to_vec(py));
         let (t, frame, bus, node, types) = (t?, frame?, bus?, node?, types?);
-        let [part, key] = keys.map(|key| key.map(|key| key.to_vec(py)).transpose());
-        let (part, key) = (part?, key?);
+        let key = key.map(|key| key.to_vec(py)).transpose()?;
         let [noted, doubtful] = masks.map(|mask| mask.map(|mask| mask.to_vec(py)).transpose());
         let (noted, doubtful) = (noted?, doubtful?);
-        let long = [&frame, &bus, &node, &types].into_iter().chain(&part).chain(&key);
+        let long = [&frame, &bus, &node, &types].into_iter().chain(&key);
         let fit = long.map(Vec::len).chain(noted.iter().chain(&doubtful).map(Vec::len));
         if fit.into_iter().any(|len| len != t.len()) {
             return Err(unfit());
         }
         let set = |mask: &Option<Vec<u8>>, row: usize| mask.as_ref().is_some_and(|mask| mask[row] != 0);
-        let number = |column: &Option<Vec<i64>>, row: usize| column.as_ref().map_or(0, |column| column[row]);
         let about = (0..t.len()).map(|row| About {
-            part: number(&part, row),
             bus: bus[row],
             node: node[row],
             type_: types[row],
             noted: set(&noted, row),
             doubtful: set(&doubtful, row),
-            key: number(&key, row),
+            key: key.as_ref().map_or(0, |key| key[row]),
         });
         let about: Vec<About> = about.collect();
         let (pause, piece) = apart;
@@ -62,11 +59,10 @@ impl OccurrenceGroups {
         self.0.each().count()
     }
 
-    /// A group, by its place among all, in the order of part, bus, node, type, the masks, and key.
+    /// A group, by its place among all, in the order of bus, node, type, the masks, and key.
     fn group(&self, group: usize) -> PyResult<Group> {
         let (about, row) = self.0.each().nth(group).ok_or_else(unfit)?;
         let About {
-            part: _,
             bus,
             node,
             type_,
