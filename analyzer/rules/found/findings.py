@@ -197,7 +197,7 @@ class Findings:
                 number = self._names.get(told.name(one[1]), _UNKNOWN)
                 if told.found.key is not None:
                     known[one[0]] = number
-            keys.append(number)
+            keys.append(_UNKNOWN if number is None else number)
         return keys
 
     def _add_rows(self, kept: KeyRuns, told: _Told, piece: Piece) -> None:
