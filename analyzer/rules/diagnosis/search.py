@@ -69,15 +69,8 @@ class FrameSearch:
 
     def cause(self, k: int) -> Cause:
         """Return the cause of one in words."""
-        found: Cause = FORMS[self.form[k]].cause(*_list(self._numbers, k))
+        found: Cause = FORMS[self.form.item(k)].cause(*_list(self._numbers, k))
         return found
-
-    def causes(self, rows: Array) -> list[Cause]:
-        """Return the causes of some in words."""
-        offsets, numbers = self._numbers
-        lists = zip(offsets[rows].tolist(), offsets[rows + 1].tolist(), strict=True)
-        forms = self.form[rows].tolist()
-        return [FORMS[form].cause(*numbers[low:high].tolist()) for form, (low, high) in zip(forms, lists, strict=True)]
 
     def evidence(self, k: int) -> list[int]:
         """Return frames that show it, beside those that were asked about."""

@@ -107,20 +107,19 @@ class _Told(NamedTuple):
     of: _Remainders
     first: LooseFrames
     what: Array
-    causes: Callable[[Array], list[Cause]]
+    cause: Callable[[int], Cause]
     early: Array
 
     def values(self, k: int) -> Values:
         """Return what is said of one."""
-        ((_, detail),) = self.causes(np.array([k]))
-        return _values(self.first.tail.item(k), FORMS[self.what.item(k)].what, detail)
+        return _values(self.first.tail.item(k), FORMS[self.what.item(k)].what, self.cause(k).detail)
 
     def excused(self, view: View, rows: Array) -> Iterator[_Excused]:
         """Yield some, with their lines."""
         first, (offsets, places) = self.first.take(rows), picked(self.of.offsets, rows)
         numbers, lines = self.of.frames.number[places].tolist(), self.of.frames.look_up(view, places)
         columns = (first.t, first.bus, first.node, first.code, first.tail, self.what[rows])
-        each = zip(*(column.tolist() for column in columns), self.causes(rows), strict=True)
+        each = zip(*(column.tolist() for column in columns), map(self.cause, rows.tolist()), strict=True)
         for (low, high), (t, bus, node, code, tail, what, cause) in zip(pairwise(offsets.tolist()), each, strict=True):
             frames, kept = tuple(numbers[low:high]), tuple(filter(None, lines[low:high]))
             yield _Excused(t, bus, node, view.type_name(code), frames, tail, FORMS[what].what, cause.detail, kept)
@@ -258,14 +257,13 @@ class MissingStart:
         at = np.full(len(senders), -1)
         at[rows] = np.arange(len(rows))
 
-        def causes(rows: Array) -> list[Cause]:
-            known = iter(found.causes(at[rows[at[rows] >= 0]]))
-            each = zip(at[rows].tolist(), what[rows].tolist(), strict=True)
-            return [alike(FORMS[form].what) if place < 0 else next(known) for place, form in each]
+        def cause(k: int) -> Cause:
+            place = at.item(k)
+            return alike(FORMS[what.item(k)].what) if place < 0 else found.cause(place)
 
         early = _LOSSES[what]
         early[early] = self._early(view, first.take(early))
-        return _Told(closed, first, what, causes, early)
+        return _Told(closed, first, what, cause, early)
 
     def _first(self, frames: LooseFrames) -> Array:
         """Return which are the first that was heard of their session: of a window that is where the window begins."""
