@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 BUS = "can0"
 QUEUE = 8 << 20  # bytes
 WARM = 2.0  # seconds
-LONGEST = 1.0  # seconds between two batches, as live -q
+LONGEST = 2.0  # seconds between two batches, as live -q
 TIMESTAMPNS = 35
 RATE = 252  # status messages a second of each ESC: 7,600 frames
 FULL = 7_600  # frames a second of a bus that is full of faults
@@ -154,6 +154,7 @@ def engine() -> Feed:
 
 def rules() -> Feed:
     """Rules, and looks at what they have found."""
+    from analyzer.app.process.start import end_start  # noqa: PLC0415
     from analyzer.decode.engine import Engine  # noqa: PLC0415
     from analyzer.report.newest import Newest  # noqa: PLC0415
     from analyzer.rules.checking import Check  # noqa: PLC0415
@@ -162,6 +163,7 @@ def rules() -> Feed:
     running = Engine()
     check = Check(running.registry, Settings())
     newest = Newest(check.judge, Settings())
+    end_start()
 
     def feed(pieces: list[FrameBatch]) -> None:
         early = [batch for piece in pieces for batch in running.feed(piece)]
@@ -254,6 +256,10 @@ def main() -> None:
     if options.play is not None:
         play(options.play, options.log)
         return
+    from analyzer.app.process.start import alone, return_memory  # noqa: PLC0415 - as a live session does
+
+    alone()
+    return_memory()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.faults:

@@ -164,21 +164,22 @@ class Findings:
         What the core can count goes on with a last run, as `joins` say, and is left out.
         """
         groups, alike = told.groups, self._alike_of(told.found)
-        further: dict[int, list[int]] = {}
-        placed: list[tuple[KeyRuns, Piece]] = []
         keys = self._keys(told, alike[0].number)
-        for at, number, beyond, pieces in self._last_runs.count(groups, alike[0].number, keys, joins):
+        left, beyond = self._last_runs.count(groups, alike[0].number, keys, joins)
+        placed: list[tuple[KeyRuns, Piece]] = []
+        for at, number, pieces in left:
             if number is not None:
                 placed += [(self._numbered[number], piece) for piece in pieces]
                 continue
             (noted, doubtful), about, row = groups.group(at)
             kind = 2 * noted + doubtful
-            kept = None if beyond else self._kept_apart(told, alike[kind], about, row)
+            kept = self._kept_apart(told, alike[kind], about, row)
             if kept is None:
-                further.setdefault(kind, []).append(at)
+                insort(beyond[kind], at)
             else:
                 placed += [(kept, piece) for piece in pieces]
-        for kind, some in further.items():
+        further = [(some, kind) for kind, some in enumerate(beyond) if some]
+        for some, kind in sorted(further):  # as they come
             kept = self._kept_of(alike[kind].shared)
             kept.counted = True
             sure = None if joins is None else (joins[0], joins[1] and not placed)  # what is left may end the crowd

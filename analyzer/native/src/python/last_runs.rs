@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 
 use super::runs::{told, OccurrenceGroups, Told};
-use crate::last_runs::{Joins, LastRun};
+use crate::last_runs::{Beyond, Joins, LastRun};
 use crate::runs::{Apart, Place};
 
 /// Counts what goes on with the last runs of keys.
@@ -64,7 +64,7 @@ impl LastRuns {
     }
 
     /// Count what goes on with last runs, and return what is left: groups, each with the number of its key if that is
-    /// known, its pieces, and whether it is not kept apart: then without pieces.
+    /// known and its pieces; and the groups that are not kept apart: plain, doubtful, noted ones, and both.
     ///
     /// `keys` stand instead of those of the groups. `joins` are the times that end runs, as with `OccurrenceGroups`, and
     /// whether no time does; without, nothing is counted.
@@ -75,12 +75,10 @@ impl LastRuns {
         alike: u64,
         keys: Option<Vec<i64>>,
         joins: Option<((i64, i64), bool)>,
-    ) -> Vec<(usize, Option<usize>, bool, Vec<Told>)> {
-        let left = self.0.count(&groups.0, alike, keys.as_deref(), joins.map(joins_of));
-        let each = left
-            .into_iter()
-            .map(|one| (one.group, one.known, one.beyond, told(&one.pieces)));
-        each.collect()
+    ) -> (Vec<(usize, Option<usize>, Vec<Told>)>, Beyond) {
+        let (left, beyond) = self.0.count(&groups.0, alike, keys.as_deref(), joins.map(joins_of));
+        let each = left.into_iter().map(|one| (one.group, one.known, told(&one.pieces)));
+        (each.collect(), beyond)
     }
 
     /// Count what goes on with the last run of one key, of some groups as if they were one; return the pieces left.
