@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from mmap import mmap
+from mmap import ACCESS_COPY, mmap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +36,7 @@ class ByNode:
 
     def __init__(self, kind: Any = np.uint64) -> None:
         # Zeros of numpy may lie where others have written before: then all of them are written.
-        self._bits: Array = np.frombuffer(mmap(-1, NODES * _BYTES), np.uint64)
+        self._bits: Array = np.frombuffer(mmap(-1, NODES * _BYTES, access=ACCESS_COPY), np.uint64)
         self._kind = np.dtype(kind)
 
     def __getitem__(self, nodes: Array | int) -> Array:
@@ -114,7 +114,7 @@ class _Followed:
 
 
 class ToldColumns:
-    """What readings make of the tables of one message: its columns with one more for each, and one for all of them."""
+    """The tables of one message as readings have them: its columns with one more for each, and one for all of them."""
 
     def __init__(self, readings: Sequence[Told], plain: pa.Schema) -> None:
         self._at = plain.get_field_index("layout") + 1

@@ -148,7 +148,7 @@ class Senders:
             whose, begun = nodes[of], begins[of] == fell
             since = np.where(begun, last.t[whose], t[fell - 1])
             known = np.where(begun, last.timed[whose], timed[fell - 1]) & timed[fell]
-            fits = uptime[fell] * SECOND <= t[fell] - since + _ROUGHLY
+            fits = uptime[fell] * SECOND - _ROUGHLY <= t[fell] - since
             np.add.at(self._restarts, whose[fits | ~known], 1)
         last.told[nodes], last.seconds[nodes] = True, uptime[ends]
         last.t[nodes], last.timed[nodes] = t[ends], timed[ends]

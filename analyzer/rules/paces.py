@@ -34,7 +34,7 @@ class Paces:
         return cells(self._native.last(), np.int64)
 
     def feed(self, senders: Array, size: Array, t: Array, lost: Array) -> list[tuple[int, Break]]:
-        """Add reports of some senders; return the breaks between them."""
+        """Add reports of some senders, all with a time; return the breaks between them."""
         settled, told = self._native.feed(senders, size, t, lost)
         for sender, lowered in settled:
             self._open.pop(sender).lowered = lowered

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 KEPT = 1 << 18
-SOON_GONE = KEPT // 4  # frames: what is as far back is still there, unless the next batch is three times as long
+SOON_GONE = KEPT // 4  # frames: what is as far back in the newest batch is looked up before the next one comes
 _MOST_REMEMBERED = 1 << 12  # frames asked for lately: whoever asks again does so soon
 MOST_LINES = 16
 
@@ -46,7 +46,7 @@ class _Cells(NamedTuple):
 
 
 class Recent:
-    """Batches of frames that together hold the last `KEPT` frames at least."""
+    """Batches of frames that together hold the last `KEPT` frames at least, and the batch before the newest one."""
 
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
@@ -65,7 +65,7 @@ class Recent:
         self._cells.append(None)
         self._indexes.append(None)
         self._held += len(frames)
-        while self._held - len(self._batches[0]) >= KEPT:
+        while len(self._batches) > 2 and self._held - len(self._batches[0]) >= KEPT:
             gone = self._batches.popleft()
             del self._firsts[0], self._cells[0], self._indexes[0]
             self._held -= len(gone)

@@ -63,7 +63,7 @@ class PacedReports(Protocol):
         """The time of the last report of each, in ns."""
 
     def feed(self, senders: Array, size: Array, t: Array, lost: Array) -> Sequence[tuple[int, Break]]:
-        """Add reports of some senders, one sender after the other; return the breaks between them.
+        """Add reports of some senders, all with a time, one sender after the other; return the breaks between them.
 
         Each comes with the place of its sender among these, in order.
 

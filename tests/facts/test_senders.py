@@ -144,6 +144,13 @@ def test_a_session_after_silence_and_a_restart_lose_nothing(senders: Callable[..
     assert [one.lost for one in found.values()] == [0, 0]
 
 
+def test_a_clock_may_end_where_times_do(senders: Callable[..., Facts]) -> None:
+    lines = log(*((1000 * k, alive(uptime, 11, k)) for k, uptime in enumerate((100, 101, 5, 6)))).splitlines()
+    stamps = ("0.000000", "1.000000", "9223372036.500000", "9223372036.600000")
+    moved = (f"({stamp}) {line.partition(' ')[2]}\n" for stamp, line in zip(stamps, lines, strict=True))
+    assert senders("".join(moved))["can0", 11].restarts == 1
+
+
 @pytest.mark.parametrize(
     ("uptimes", "restarts"),
     [([3, 4, 5], 0), ([300, 301, 0, 1], 1), ([300, 0, 1, 0], 2), ([3000, 2000, 3001, 2001], 0)],

@@ -18,7 +18,7 @@ from analyzer.rules.joint.lack_rows import UNASKED, LackRows
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, KINDS, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME, by_key
-from tests.kit.keyed import KeyedRows
+from kit.keyed import KeyedRows
 
 if TYPE_CHECKING:
     from analyzer.rules.bus.sessions import BusFrames

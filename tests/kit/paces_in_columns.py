@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Break
-from tests.kit.kept_reports import KEPT, MEMORY, KeptReports, NewReports
+from kit.kept_reports import KEPT, MEMORY, KeptReports, NewReports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer._native import OccurrenceGroups
+from analyzer._native import LastRuns, OccurrenceGroups
 from analyzer.rules.found import groups
 from analyzer.rules.found.runs import PAUSE, PIECE
 from dissectors.kit import SECOND, Occurrences
@@ -59,17 +59,18 @@ def test_rows_are_grouped_as_if_one_by_one(apart: Any, rows: list[Any], keyed: b
     order = sorted(range(len(rows)), key=lambda k: (about(k), place(k)))
     expected = [(key[:5], pieces(rows, list(same), apart)) for key, same in groupby(order, key=about)]
     made = groups.groups_of(found(rows, keyed=keyed), np.array([row[6] for row in rows]), apart)
-    told = [made.group(at) for at in range(len(made))]
-    assert [
-        ((bus, node, number, *masks), [made.rows(*piece[2:]) for piece in made.pieces(at)])
-        for at, (masks, (bus, node, number, _), _) in enumerate(told)
-    ] == expected
-    for at, (_, mine) in enumerate(expected):
-        assert told[at][2] == mine[0][0]
-        assert [piece[:2] for piece in made.pieces(at)] == [(place(one[0]), place(one[-1])) for one in mine]
-    chosen = data.draw(st.lists(st.sampled_from(range(len(told))), unique=True))
+    runs = LastRuns(1)
+    each, beyond = runs.count(made, 0, None, None)
+    assert (len(each), beyond) == (len(expected), [[], [], [], []])
+    for (at, known, found_pieces), (what, mine) in zip(each, expected, strict=True):
+        masks, (bus, node, number, _), first = made.group(at)
+        assert (known, (bus, node, number, *masks), first) == (None, what, mine[0][0])
+        assert [made.rows(*piece[2:]) for piece in found_pieces] == mine
+        assert [piece[:2] for piece in found_pieces] == [(place(one[0]), place(one[-1])) for one in mine]
+    chosen = data.draw(st.lists(st.sampled_from(range(len(each))), unique=True))
     joined = sorted((k for at in chosen for one in expected[at][1] for k in one), key=place)
-    assert [made.rows(*piece[2:]) for piece in made.together(chosen)] == pieces(rows, joined, apart)
+    together = runs.count_together(made, chosen, runs.add(), None)
+    assert [made.rows(*piece[2:]) for piece in together] == pieces(rows, joined, apart)
 
 
 def test_columns_that_do_not_fit_together_are_refused() -> None:

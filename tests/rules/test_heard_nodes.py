@@ -89,6 +89,17 @@ def test_lines_are_kept_of_the_frames_before_silences() -> None:
     assert {gap.lines for gap in nodes.gaps(0, OTHER, 0, 30)} == {()}  # was heard in every batch
 
 
+def test_lines_of_nodes_that_go_on_in_time_are_not_kept() -> None:
+    nodes = HeardNodes(25)
+    for k in range(600):
+        batch = Batch(k, [(10 * k + 100 * (k > 9), NODE if k % 2 else OTHER)])
+        nodes.feed(batch.frames)
+        nodes.keep_lines(batch)  # type: ignore[arg-type]
+    assert nodes.gaps(0, NODE, 0, 9999) == [Gap(90, 210, 9, ("line 9",))]
+    assert nodes.gaps(0, OTHER, 0, 9999) == [Gap(80, 200, 8, ("line 8",))]
+    assert [len(lines) for lines in nodes._lines.values()] == [2, 2]
+
+
 def test_the_oldest_gaps_are_forgotten_with_their_lines() -> None:
     nodes = HeardNodes(2)
     for k in range(1200):

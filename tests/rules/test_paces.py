@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kit import paces_in_columns
 
 from analyzer.rules.paces import Paces
 from dissectors.kit import MILLISECOND, SECOND, Break, PacedReports
-from tests.kit import paces_in_columns
 
 STEADY, ROUNDS, HOLES, CHANCE = range(4)
 REPORTS = st.lists(

@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow as pa
 from hypothesis import given
 from hypothesis import strategies as st
+from kit.keyed import KeyedRows
 
 from analyzer.rules.bus import sessions
 from analyzer.rules.bus.heard import HeardNodes, HeardSessions
 from analyzer.rules.bus.sessions import Session, bus_frames
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
-from tests.kit.keyed import KeyedRows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

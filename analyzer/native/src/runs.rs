@@ -76,6 +76,12 @@ impl Groups {
         self.spans.iter().map(|&(about, begin, _)| (about, self.order[begin]))
     }
 
+    /// What a group is about, and its first row; none if there is no such group.
+    pub fn group(&self, group: usize) -> Option<(About, u32)> {
+        let span = self.spans.get(group);
+        span.map(|&(about, begin, _)| (about, self.order[begin]))
+    }
+
     /// The pieces of a group; none if there is no such group.
     pub fn pieces(&self, group: usize) -> Vec<Piece> {
         let span = self.spans.get(group);

@@ -57,7 +57,8 @@ class HeardNodes:
 
     def __init__(self, least: int) -> None:
         self._native = _native.HeardNodes(least, _MOST_GAPS, EXTENDED | REMOTE, EXTENDED, NO_TIME)
-        self._lines: dict[int, dict[int, tuple[str, ...]]] = {}  # of each node, by frame: those before its silences
+        self._lines: dict[int, dict[int, tuple[str, ...]]] = {}  # of each node, by frame: those before its gaps
+        self._silent: dict[int, int] = {}  # and the last frame of each that was silent the last time
 
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""
@@ -65,12 +66,15 @@ class HeardNodes:
 
     def keep_lines(self, view: View) -> None:
         """Keep the last frames of nodes that are silent: they may be gone when that is told."""
-        nodes, numbers = self._native.fell_silent(view.frames.first)
-        if not nodes:
+        told = self._native.fell_silent(view.frames.first)
+        if not told:
             return
-        lines = view.each_line(np.array(numbers, np.int64)).tolist()
-        for node, number, line in zip(nodes, numbers, lines, strict=True):
-            own = self._lines.setdefault(node, {})
+        lines = view.each_line(np.array([number for _, number, _ in told], np.int64)).tolist()
+        for (node, number, was_gap), line in zip(told, lines, strict=True):
+            own, before = self._lines.setdefault(node, {}), self._silent.get(node)
+            if before is not None and not was_gap:
+                own.pop(before, None)
+            self._silent[node] = number
             own[number] = (line,) if line else ()
             if len(own) > 2 * _MOST_GAPS:
                 oldest = self._native.oldest(node) or 0

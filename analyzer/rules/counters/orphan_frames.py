@@ -33,7 +33,7 @@ class OrphanFrames:
             late = settled.of((_is_astray(settled.verdict) & settled.known).nonzero()[0])
             self._add(late.bus << 32 | session_bits(late.id, late.verdict), late.number, late.t, late.tail)
         f = view.frames
-        rows = (_is_astray(f.verdict)).nonzero()[0]
+        rows = _is_astray(f.verdict).nonzero()[0]
         if not len(rows):
             return
         bits = session_bits(f.id[rows], f.verdict[rows])

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from kit.flight import Vehicle
+from kit.flight import SECOND, START, Vehicle
 from kit.judged import whole
 
 if TYPE_CHECKING:
@@ -208,6 +208,19 @@ def test_an_esc_that_the_other_bus_commands() -> None:
     second.commands(1000, 6000, SOME)
     lines = sorted((first.text + second.text.replace(" can0 ", " can1 ")).splitlines(keepends=True))
     assert whole("".join(lines), ("BUS-038",), (150,)) == []
+
+
+def test_a_loss_is_as_long_as_the_clock_of_its_bus_says() -> None:
+    each = list[tuple[str, str]]()
+    for line in lost(2500).text.splitlines(keepends=True):
+        stamp, _, frame = line.split(" ", 2)
+        t = float(stamp[1:-1])
+        back = t > START / SECOND + 3.3
+        each.append((f"({t - back:.6f}) can0 {frame}", f"({t:.6f}) can1 {frame}"))
+    alone = "".join(one for one, _ in each)
+    assert whole(alone, ("BUS-038",), (150,)) == []
+    both = whole("".join(one + other for one, other in each), ("BUS-038",), (150,))
+    assert [(one.bus, one.severity) for one in both] == [(1, "error")]
 
 
 @pytest.mark.sampled(6)

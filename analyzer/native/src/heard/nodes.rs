@@ -17,7 +17,7 @@ pub struct Gap {
 
 impl Gap {
     fn took(&self) -> i64 {
-        self.stop.wrapping_sub(self.start)
+        self.stop.saturating_sub(self.start)
     }
 }
 
@@ -46,6 +46,7 @@ struct Last {
 struct Node {
     last: Option<Last>,
     gaps: VecDeque<Gap>,
+    told_gap: bool, // the last silence that was told has become a gap
 }
 
 /// Follows the frames of nodes by bus and node: times without one that are no longer than `least` are no gaps.
@@ -100,13 +101,14 @@ impl Nodes {
         }
     }
 
-    /// Nodes whose last frame is before a number, each once for a silence: with that frame.
-    pub fn fell_silent(&mut self, number: i64) -> Vec<(i64, i64)> {
+    /// Nodes whose last frame is before a number, each once for a silence: with that frame, and whether the silence that
+    /// was told of the node before this one has become a gap.
+    pub fn fell_silent(&mut self, number: i64) -> Vec<(i64, i64, bool)> {
         let mut found = vec![];
         for (node, one) in self.known.iter_mut().enumerate() {
             if let Some(last) = one.last.as_mut().filter(|last| !last.told && last.number < number) {
                 last.told = true;
-                found.push((node as i64, last.number));
+                found.push((node as i64, last.number, std::mem::take(&mut one.told_gap)));
             }
         }
         found
@@ -134,7 +136,7 @@ impl Nodes {
     /// Whether a node that was heard lies in a gap at a time; `end` is the last time so far.
     pub fn is_silent(&self, node: i64, t: i64, end: i64) -> bool {
         self.node(node).is_some_and(|one| {
-            let ended = |last: Last| last.t <= t && end.wrapping_sub(last.t) > self.least;
+            let ended = |last: Last| last.t <= t && end.saturating_sub(last.t) > self.least;
             one.last.is_some_and(ended) || one.gaps.iter().any(|gap| gap.start <= t && t < gap.stop)
         })
     }
@@ -147,12 +149,13 @@ impl Nodes {
 impl Node {
     /// Notes a gap in front of a time, if there is one.
     fn pause(&mut self, stop: i64, least: i64, most: usize) {
-        let Some(before) = self.last.filter(|before| stop.wrapping_sub(before.t) > least) else {
+        let Some(before) = self.last.filter(|before| stop.saturating_sub(before.t) > least) else {
             return;
         };
         if self.gaps.len() >= most {
             self.gaps.pop_front();
         }
+        self.told_gap |= before.told;
         self.gaps.push_back(Gap {
             start: before.t,
             stop,
@@ -256,13 +259,31 @@ mod tests {
         let mut nodes = Nodes::new(5, 2);
         assert!(feed(&mut nodes, 0, &[(0, 0, 1, 1), (0, 0, 2, 1)]));
         assert!(feed(&mut nodes, 2, &[(20, 0, 1, 1)]));
-        assert_eq!(nodes.fell_silent(2), [(2, 1)]);
+        assert_eq!(nodes.fell_silent(2), [(2, 1, false)]);
         assert!(nodes.fell_silent(2).is_empty());
         assert_eq!(
             (nodes.oldest(1), nodes.oldest(2), nodes.oldest(3)),
             (Some(0), Some(1), None)
         );
         assert!(feed(&mut nodes, 3, &[(30, 0, 2, 1)]));
-        assert_eq!(nodes.fell_silent(4), [(1, 2), (2, 3)]);
+        assert_eq!(
+            nodes.fell_silent(4),
+            [(1, 2, false), (2, 3, true)],
+            "the first of 2 is a gap"
+        );
+        assert!(feed(&mut nodes, 4, &[(24, 0, 1, 1), (34, 0, 2, 1)]));
+        assert_eq!(nodes.fell_silent(6), [(1, 4, false), (2, 5, false)], "both went on");
+    }
+
+    #[test]
+    fn times_as_far_apart_as_can_be_are_a_gap() {
+        let mut nodes = Nodes::new(5, 2);
+        assert!(feed(&mut nodes, 0, &[(i64::MIN + 1, 0, 1, 1)]));
+        assert!(nodes.is_silent(1, 0, i64::MAX));
+        nodes.finish(0, i64::MAX);
+        assert_eq!(
+            nodes.longest(1, i64::MIN, i64::MAX).map(|gap| gap.took()),
+            Some(i64::MAX)
+        );
     }
 }

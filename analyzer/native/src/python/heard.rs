@@ -67,9 +67,10 @@ impl HeardNodes {
         self.nodes.finish(bus, end);
     }
 
-    /// Nodes whose last frame is before a number, once for each silence, and the numbers of these frames.
-    fn fell_silent(&mut self, number: i64) -> (Vec<i64>, Vec<i64>) {
-        self.nodes.fell_silent(number).into_iter().unzip()
+    /// Nodes whose last frame is before a number, once for each silence: with the number of that frame, and whether the
+    /// silence that was told of the node before this one has become a gap.
+    fn fell_silent(&mut self, number: i64) -> Vec<(i64, i64, bool)> {
+        self.nodes.fell_silent(number)
     }
 
     /// The number of the oldest frame that is still needed to tell of a node.

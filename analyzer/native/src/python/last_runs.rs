@@ -2,9 +2,12 @@
 
 use pyo3::prelude::*;
 
-use super::runs::{told, OccurrenceGroups, Told};
+use super::runs::OccurrenceGroups;
 use crate::last_runs::{Beyond, Joins, LastRun};
-use crate::runs::{Apart, Place};
+use crate::runs::{Apart, Piece, Place};
+
+/// The places of the first and the last of some rows, and where these begin and end in the order.
+type Told = (Place, Place, usize, usize);
 
 /// Counts what goes on with the last runs of keys.
 #[pyclass]
@@ -98,6 +101,11 @@ impl LastRuns {
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
         self.clone()
     }
+}
+
+fn told(pieces: &[Piece]) -> Vec<Told> {
+    let each = pieces.iter().map(|one| (one.first, one.last, one.begin, one.end));
+    each.collect()
 }
 
 fn joins_of(((pause, piece), crowded): ((i64, i64), bool)) -> Joins {

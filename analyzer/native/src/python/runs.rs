@@ -4,10 +4,7 @@ use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use super::unfit;
-use crate::runs::{About, Apart, Groups, Piece, Place};
-
-/// The places of the first and the last of some rows, and where these begin and end in the order.
-pub type Told = (Place, Place, usize, usize);
+use crate::runs::{About, Apart, Groups};
 
 /// What the rows of a group are all of: noted and doubtful; bus, node, type and key; its first row.
 type Group = ((bool, bool), (i64, i64, i64, i64), u32);
@@ -54,14 +51,9 @@ impl OccurrenceGroups {
         Ok(OccurrenceGroups(Groups::of(&about, place, Apart { pause, piece })))
     }
 
-    /// How many groups there are.
-    fn __len__(&self) -> usize {
-        self.0.each().count()
-    }
-
     /// A group, by its place among all, in the order of bus, node, type, the masks, and key.
     fn group(&self, group: usize) -> PyResult<Group> {
-        let (about, row) = self.0.each().nth(group).ok_or_else(unfit)?;
+        let (about, row) = self.0.group(group).ok_or_else(unfit)?;
         let About {
             bus,
             node,
@@ -73,24 +65,8 @@ impl OccurrenceGroups {
         Ok(((noted, doubtful), (bus, node, type_, key), row))
     }
 
-    /// The pieces of a group, by its place among all.
-    fn pieces(&self, group: usize) -> Vec<Told> {
-        told(&self.0.pieces(group))
-    }
-
-    /// The pieces of some groups, by their places among all, as if they were one.
-    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn together(&mut self, groups: Vec<usize>) -> Vec<Told> {
-        told(&self.0.together(&groups))
-    }
-
     /// The rows from one place in the order to before another one.
     fn rows(&self, begin: usize, end: usize) -> Vec<u32> {
         self.0.rows(begin, end).to_vec()
     }
-}
-
-pub fn told(pieces: &[Piece]) -> Vec<Told> {
-    let each = pieces.iter().map(|one| (one.first, one.last, one.begin, one.end));
-    each.collect()
 }

@@ -104,9 +104,11 @@ class Motors:
         any more.
         """
         some, stretches = self.some, losses.stretches
-        if not (some.t[stretches.stop - 1] - stretches.since >= self._still).any():
+        long = some.t[stretches.stop - 1] - stretches.since >= self._still
+        if not long.any():
             return over
         at = self._late(losses)
+        at = at[long[losses.of(at)[0]]]
         which, esc = losses.of(at)
         told, last = self._told()[at], self._throttle.last[at]
         fast = (speed[which] > STILL) & (np.abs(some.rpm[at]) >= _HALF * speed[which])
