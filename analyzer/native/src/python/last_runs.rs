@@ -9,6 +9,9 @@ use crate::runs::{Apart, Piece, Place};
 /// The places of the first and the last of some rows, and where these begin and end in the order.
 type Told = (Place, Place, usize, usize);
 
+/// Of a group that is left its place among all, the number of its key if that is known, and its pieces.
+type LeftPieces = (usize, Option<usize>, Vec<Told>);
+
 /// Counts what goes on with the last runs of keys.
 #[pyclass]
 #[derive(Clone)]
@@ -78,7 +81,7 @@ impl LastRuns {
         alike: u64,
         keys: Option<Vec<i64>>,
         joins: Option<((i64, i64), bool)>,
-    ) -> (Vec<(usize, Option<usize>, Vec<Told>)>, Beyond) {
+    ) -> (Vec<LeftPieces>, Beyond) {
         let (left, beyond) = self.0.count(&groups.0, alike, keys.as_deref(), joins.map(joins_of));
         let each = left.into_iter().map(|one| (one.group, one.known, told(&one.pieces)));
         (each.collect(), beyond)
