@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.columns import NODES
 from analyzer.decode.readings import FORCED, UNDECIDED, Statement
-from analyzer.decode.told import NODES, ByNode
+from analyzer.decode.told import ByNode
 from dissectors.kit.cells import floats, numbers
 from dissectors.schema import BYTE_ORDERS
 

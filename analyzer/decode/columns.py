@@ -204,6 +204,9 @@ def arrow_type(layout: Type) -> pa.DataType:
     return pa.struct([pa.field(m.name, arrow_type(m.type)) for m in members(layout)])
 
 
+NODES = 1 << 16  # numbers that `senders` gives
+
+
 def senders(table: pa.RecordBatch) -> Array:
     """Return the sending node of every row, u16: bus and source node ID."""
     nodes: Array = numbers(table.column("bus")).astype(np.uint16) << np.uint16(8) | numbers(table.column("src"))

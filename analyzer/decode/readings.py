@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.decode.columns import senders
-from analyzer.decode.told import NEVER, NODES, ByNode, Decided, Told
+from analyzer.decode.columns import NODES, senders
+from analyzer.decode.told import NEVER, ByNode, Decided, Told
 from dissectors.kit.cells import floats, numbers
 from dissectors.kit.nested import inner
 

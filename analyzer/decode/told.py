@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from analyzer.decode.columns import linear, senders
+from analyzer.decode.columns import NODES, linear, senders
 from dissectors.kit.cells import numbers, same_text, valid
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
     from dissectors.schema import Derived, Message, Reading
 
-NODES = 1 << 16  # bus and source node ID
 _BYTES = 8  # of a number
 NEVER = np.iinfo(np.uint64).max
 

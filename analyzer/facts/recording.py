@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.decode.columns import senders
+from analyzer.decode.columns import NODES, senders
 from analyzer.facts.error_frames import CONTROLLER, overflowed
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.facts.recorder import DROPS, ERRORS, stated
@@ -38,7 +38,7 @@ class RecordingFacts:
         self._cut = False
         self._first: int | None = None
         self._running: dict[tuple[int, int], bool] = {}  # whether a node ran before the capture began
-        self._heard = np.zeros(1 << 16, bool)  # of which nodes, by bus and node ID, that is known
+        self._heard = np.zeros(NODES, bool)  # of which nodes, by bus and node ID, that is known
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

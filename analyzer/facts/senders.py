@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.columns import NODES
 from analyzer.decode.columns import senders as nodes_of
 from analyzer.decode.grouped import grouped
 from analyzer.facts.losses import LostTransfers
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 COMMANDS = "commands"  # role of whoever has no other and actuates
 _MESSAGE = KINDS.index("message")
-_NODES = 1 << 16  # bus and node ID
 _ROUGHLY = 3 * SECOND // 2  # an uptime is whole seconds, and its report comes a little late
 
 
@@ -70,8 +70,8 @@ class _Uptimes:
     """The last report of each node, by bus and node ID: whether there was one, its seconds, its time if it had one."""
 
     def __init__(self) -> None:
-        self.told, self.timed = np.zeros(_NODES, bool), np.zeros(_NODES, bool)
-        self.seconds, self.t = np.zeros(_NODES, np.int64), np.zeros(_NODES, np.int64)
+        self.told, self.timed = np.zeros(NODES, bool), np.zeros(NODES, bool)
+        self.seconds, self.t = np.zeros(NODES, np.int64), np.zeros(NODES, np.int64)
 
 
 class Senders:
@@ -82,7 +82,7 @@ class Senders:
         self.software = Software()
         self._losses = LostTransfers()
         self._uptimes = _Uptimes()
-        self._restarts = np.zeros(_NODES, np.int64)
+        self._restarts = np.zeros(NODES, np.int64)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer import _native
 from analyzer.decode.sent import cells
 from dissectors.kit import Break
+from dissectors.kit.paces import ALIKE, SLOWEST
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
@@ -25,7 +26,7 @@ class Paces:
     """
 
     def __init__(self, least: int, periods: float, fewest: int, span: int) -> None:
-        self._native = _native.Paces(least, periods, fewest, span)
+        self._native = _native.Paces(least, periods, fewest, span, (ALIKE, SLOWEST))
         self._open: dict[int, Break] = {}  # by sender: not known yet whether the pace changed
 
     @property

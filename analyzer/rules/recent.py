@@ -20,9 +20,17 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 KEPT = 1 << 18
-SOON_GONE = KEPT // 4  # frames: what is as far back in the newest batch is looked up before the next one comes
+NO_FRAME = (1 << 63) - 1  # the number of a frame that there is not
 _MOST_REMEMBERED = 1 << 12  # frames asked for lately: whoever asks again does so soon
 MOST_LINES = 16
+
+
+def soon_gone(frames: FrameTable) -> int:
+    """Return the number before which frames may be gone when the batch behind the newest one has come.
+
+    Whoever needs lines of those looks them up now: of all before the newest batch, and of its first ones.
+    """
+    return min(frames.first, frames.first + len(frames) - KEPT // 4)
 
 
 class _Cells(NamedTuple):

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from dissectors.kit.array import Array
 
-_ALIKE = 2.5  # times that another pace may be off
-_SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
+ALIKE = 2.5  # times that another pace may be off
+SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 # By then a node has said that it restarted, and transfers without an end are given up.
 _LATER = 5 * SECOND // 2
 
@@ -35,7 +35,7 @@ class Break:
 
     def settled(self, now: int) -> bool:
         """Return whether it is known at a time what it is."""
-        return self.lowered is not None or not self.kept or now - self.stop > _ALIKE * (self.stop - self.start)
+        return self.lowered is not None or not self.kept or now - self.stop > ALIKE * (self.stop - self.start)
 
     @property
     def told(self) -> int:
@@ -48,7 +48,7 @@ class Break:
 
     def may_be_slower(self, now: int) -> bool:
         """Return whether a sender that only reports less often would have shown no more by then."""
-        return bool(self.lowered) or (not self.settled(now) and self.stop - self.start <= _SLOWEST)
+        return bool(self.lowered) or (not self.settled(now) and self.stop - self.start <= SLOWEST)
 
 
 class PacedReports(Protocol):

@@ -93,6 +93,6 @@ def test_columns_fit_together() -> None:
     for name, column in {"row": [0, 5], "place": [0, 1], "first": [0, 2], "codes": [7]}.items():
         setattr(sent, name, np.array(column))
     sent.tail = np.zeros(2, np.uint8)
-    frames = type("Frames", (), {"t": np.zeros(2, np.int64), "flags": np.zeros(2, np.uint16), "first": 0})
+    sent.times = np.zeros(2, np.int64)
     with pytest.raises(ValueError, match="do not fit"):
-        Lacks()._native.feed(0, sent, frames)
+        Lacks()._native.feed(0, sent, 0, np.zeros(2, np.uint16))

@@ -16,7 +16,6 @@ from analyzer.decode.engine import Engine
 from analyzer.decode.sent import cells
 from analyzer.rules import recent
 from analyzer.rules.judge import Judge
-from analyzer.rules.transfers import loose_frames
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.open_frames import OpenFrames
 from analyzer.tables import TAIL_END, TAIL_ID
@@ -157,7 +156,6 @@ def test_the_first_of_each_key_is_known(parts: list[list[int]], most: int) -> No
 def test_lines_of_frames_that_are_gone_were_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rest of a transfer waits for its end while frames come for which the recent past has no room."""
     monkeypatch.setattr(recent, "KEPT", 1024)
-    monkeypatch.setattr(loose_frames, "SOON_GONE", 256)
     others = [f"({1 + k / 1000:.6f}) can0 1401550C#{k:08X}000000{0xC0 | k % 32:02X}" for k in range(3500)]
     mine = ((0, 0x83), (1, 0x63), (400, 0x24), (401, 0x04), (3000, 0x45))
     sent = [f"({1 + at / 1000:.6f}) can0 14040A0C#{'AB' * 7}{tail:02X}" for at, tail in mine]

@@ -11,7 +11,6 @@ from kit.traffic import Timed, alive, log
 from analyzer.decode.engine import Engine
 from analyzer.rules import recent
 from analyzer.rules.judge import Judge
-from analyzer.rules.transfers import services
 
 RULES = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 CALL = "uavcan.protocol.param.GetSet"
@@ -120,7 +119,6 @@ def test_a_silent_server_is_reported_once_the_second_is_over() -> None:
 def test_lines_of_requests_that_wait_are_kept_though_nothing_but_frames_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Requests wait for a sign of their server while frames come for which the recent past has no room."""
     monkeypatch.setattr(recent, "KEPT", 1024)
-    monkeypatch.setattr(services, "SOON_GONE", 256)
     asked = log(*((t, alive(t // 500, 99, t // 500)) for t in range(0, 5000, 500)), (1100, ask()), (1200, ask(4)))
     begun = asked.splitlines()
     base = float(begun[-1].split()[0].strip("()"))

@@ -15,7 +15,6 @@ from kit.traffic import ALIVE, MS, START, Timed, alive, log
 import analyzer
 from analyzer.decode.engine import Engine
 from analyzer.rules import recent
-from analyzer.rules.bus import stopped
 from analyzer.rules.judge import Judge
 
 if TYPE_CHECKING:
@@ -126,7 +125,6 @@ def test_lost_frames_may_be_why() -> None:
 
 def test_the_last_frame_is_shown_when_it_is_no_longer_among_the_recent_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recent, "KEPT", 64)
-    monkeypatch.setattr(stopped, "SOON_GONE", 16)
     lines = log(*others(12_000, 50), *beats(range(0, 12_000, 1000)), *every(range(10, 4000, 100))).splitlines(True)
     running = Engine()
     judge = Judge(running.registry)

@@ -1,7 +1,7 @@
 //! The core: bytes to frames, frames to transfers, payloads to columns.
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
-//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`], [`ending`] ->
+//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`]s and their [`session_code`]s, [`short`], [`accept`], [`ending`] ->
 //! [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`], [`unpack`] ->
 //! [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] and [`remainders`] what is left
 //! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`]
@@ -63,6 +63,7 @@ pub mod remainders;
 pub mod rows;
 pub mod runs;
 pub mod session;
+pub mod session_code;
 pub mod sessions;
 pub mod short;
 pub mod silences;

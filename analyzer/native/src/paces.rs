@@ -13,10 +13,6 @@ const KEPT: usize = MEMORY + 1;
 /// At a steady pace a break is longer than so many times what this many of the last periods, and one, do not exceed.
 const FAR: f64 = 3.0;
 const COMMON: usize = 8;
-/// Times that another pace may be off.
-const ALIKE: f64 = 2.5;
-/// A longer time, in ns, is no pace before it is seen twice.
-const SLOWEST: i64 = 2_500_000_000;
 
 /// When a report came, and how many of its sender were lost up to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,13 +23,16 @@ pub struct Report {
 
 /// What is a break: a time that is longer than `least` in ns, and than so many periods.
 ///
-/// So many reports at the `fewest` show a period, and they go on for a `span` in ns.
+/// So many reports at the `fewest` show a period, and they go on for a `span` in ns. Another pace may be off by `alike`
+/// times; a time longer than the `slowest`, in ns, is no pace before it is seen twice.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     pub least: i64,
     pub periods: f64,
     pub fewest: usize,
     pub span: i64,
+    pub alike: f64,
+    pub slowest: i64,
 }
 
 /// A time without reports of a sender that had a period, between two of them.
@@ -112,7 +111,11 @@ impl Paces {
         }
         let one = &mut self.senders[sender];
         one.first.get_or_insert(begun.t);
-        let settled = one.kept.last().copied().and_then(|before| one.settle([before, begun]));
+        let settled = one
+            .kept
+            .last()
+            .copied()
+            .and_then(|before| one.settle(self.limits.alike, [before, begun]));
         let old = one.kept.len();
         self.reports.clear();
         self.reports.append(&mut one.kept);
@@ -134,10 +137,10 @@ impl Paces {
 
 impl Sender {
     /// Whether the pace only changed, by two reports behind a break that is not settled.
-    fn settle(&mut self, [first, second]: [Report; 2]) -> Option<bool> {
+    fn settle(&mut self, may_be_off: f64, [first, second]: [Report; 2]) -> Option<bool> {
         let open = self.open.take()?;
-        let (took, after) = (open.took(), ALIKE * second.t.wrapping_sub(first.t) as f64);
-        let alike = took <= after.floor() as i64 && after <= ALIKE * ALIKE * took as f64;
+        let (took, after) = (open.took(), may_be_off * second.t.wrapping_sub(first.t) as f64);
+        let alike = took <= after.floor() as i64 && after <= may_be_off * may_be_off * took as f64;
         let lowered = open.kept && second.lost == first.lost && alike;
         if lowered {
             self.usual = took as f64;
@@ -168,7 +171,7 @@ impl Sender {
             };
             (self.first, self.usual, self.open) = (Some(one.stop), usual, Some(one));
             if let Some(&behind) = reports.get(row + 2) {
-                one.lowered = self.settle([next, behind]);
+                one.lowered = self.settle(limits.alike, [next, behind]);
             }
             found.push(one);
             begin = row + 1;
@@ -210,7 +213,7 @@ impl Sender {
             self.usual
         };
         let slower = self.open.filter(|open| open.kept).map_or(0, |open| open.took());
-        let longest = if slower <= SLOWEST {
+        let longest = if slower <= limits.slowest {
             period.max(slower as f64)
         } else {
             period

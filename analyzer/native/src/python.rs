@@ -18,6 +18,7 @@ use tables::{batch_tables, give, Dict, Tables};
 mod alike;
 mod budgets;
 mod buffer;
+mod bus_frames;
 mod calls;
 mod decoder;
 mod diagnosis;

@@ -3,8 +3,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-const END: u8 = 0x40;
-const ID: u8 = 0x1F;
+use crate::wire::Tail;
 
 /// What is kept: open ones at most, frames of one that are named, and in which time the next frame comes.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +85,7 @@ impl Remainders {
     /// Adds a frame: its slot, None if its remainder has too many to name; what is closed is added to `closed`.
     pub fn add(&mut self, frame: Frame, closed: &mut Vec<Closed>) -> Option<i64> {
         let Frame { session, t, tail, size } = frame;
-        let transfer_id = tail & ID;
+        let transfer_id = Tail(tail).transfer_id();
         let over = |one: &Open| one.transfer_id != transfer_id || t.saturating_sub(one.latest) > self.limits.timeout;
         if self.open.get(&session).is_some_and(over) {
             self.close(session, closed);
@@ -99,7 +98,7 @@ impl Remainders {
         one.received += size;
         let slot = (one.slots.len() < self.limits.named).then(|| self.slots.take());
         one.slots.extend(slot);
-        if tail & END != 0 {
+        if Tail(tail).end() {
             self.close(session, closed);
         }
         slot

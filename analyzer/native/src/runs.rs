@@ -134,12 +134,13 @@ fn by_place(place: &[Place], rows: &mut [u32]) {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::{About, Apart, Groups, Piece, Place};
 
     const APART: Apart = Apart { pause: 10, piece: 0 };
 
-    fn of(node: i64, key: i64) -> About {
+    /// Of a type of a node on the first bus.
+    pub fn of(node: i64, key: i64) -> About {
         About {
             bus: 0,
             node,

@@ -31,10 +31,9 @@ class StatusSilences(Rule):
     def __init__(self) -> None:
         self._nodes: HeardNodes | None = None
         self._first: dict[int, Occurrence] = {}
-        self._several: dict[
-            int, tuple[int, ...]
-        ] = {}  # of nodes: frames of the last NodeStatus if it had more than one
-        # Of each node, `NO_TIME` without: when its last NodeStatus came, and the number of its first frame,
+        # Of nodes whose last NodeStatus had more than one frame, these,
+        self._several: dict[int, tuple[int, ...]] = {}
+        # of each node, `NO_TIME` without: when its last NodeStatus came, and the number of its first frame,
         self._since: Array = np.full(0, NO_TIME)
         self._lead: Array = np.full(0, NO_TIME)
         self._active: Array = np.full(0, NO_TIME)  # when it last spoke,

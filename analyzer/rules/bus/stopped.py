@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes, HeardSessions
 from analyzer.rules.bus.sessions import Session
-from analyzer.rules.recent import SOON_GONE
+from analyzer.rules.recent import soon_gone
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, Pauses, Rule, Starts
 
 if TYPE_CHECKING:
@@ -79,9 +79,7 @@ class _Talks:
 
     def keep_lines(self, view: View) -> None:
         """Keep the last frames of those that are silent: they may be gone when that is told."""
-        first = view.frames.first
-        old = (self.number < min(first, first + len(view.frames) - SOON_GONE)) & ~self._has_lines
-        places = np.flatnonzero(old)
+        places = np.flatnonzero((self.number < soon_gone(view.frames)) & ~self._has_lines)
         if len(places):
             self._has_lines[places] = True
             lines = view.each_line(self.number[places]).tolist()

@@ -47,7 +47,7 @@ class _Told(NamedTuple):
 
     @property
     def numbered(self) -> bool:
-        """Whether the same number keeps findings apart in every batch."""
+        """True if the same number keeps findings apart in every batch."""
         return self.found.lasts or (self.found.key is None and not self.page.key)
 
     def name(self, row: int) -> str:

@@ -38,7 +38,7 @@ class Lacks:
         if self._native.open(codes) or not view.transfers.src.all():
             self._native.prove(view.transfers, lambda code: view.type_of(code) is not None)
         for bus, ours in by_bus.items():
-            self._native.feed(bus, ours, view.frames)
+            self._native.feed(bus, ours, view.frames.first, view.frames.flags)
         (columns, void), gone = self._native.take()
         session, *more = (cells(column, np.int64) for column in columns)
         seen = np.full(len(session), UNASKED, np.uint8)

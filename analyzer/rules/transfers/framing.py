@@ -14,6 +14,7 @@ from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
 from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
+from analyzer.rules.transfers.incomplete import ROOM
 from analyzer.rules.transfers.lists import picked, placed
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
@@ -32,7 +33,6 @@ _BEFORE = 48  # frames of a session among which a copy finds the one that it is 
 _SOUND = tuple(STATUSES.index(name) for name in ("ok", "unchecked"))
 _COMPLETE = (*_SOUND, STATUSES.index("bad crc"))
 _SINGLE_WITH_TOGGLE = TAIL_START | TAIL_END | TAIL_TOGGLE
-_ROOM = (64, 8)  # bytes in a full frame: of CAN FD, and else
 _MARKED = 100.0  # ms; the core marks longer pauses
 _MOST = 4  # frames that are named in a line
 NEAR = 4096  # frames that are looked through for the other one of two transfers
@@ -155,7 +155,7 @@ def _took(view: View, row: int) -> Values:
 def _part_full(view: View, row: int) -> Values:
     frames = _known(view, view.transfers.frames(row)[:-1])
     for number, kept in frames:
-        if len(kept.data) < _ROOM[0 if view.transfers.fd[row] else 1]:
+        if len(kept.data) <= ROOM[0 if view.transfers.fd[row] else 1]:
             return {"length": len(kept.data), "frame": FrameNumber.at(number)}
     return {"length": GONE, "frame": GONE}
 
@@ -175,9 +175,9 @@ def _followed(view: View, rows: Array) -> Array:
     offsets, numbers = t.frame_lists
     begin, end = offsets[rows[left]], offsets[rows[left] + 1] - 1
     ends, places = placed(begin, end - begin)
-    room = np.where(t.fd[rows[left]], *_ROOM).repeat(end - begin)
+    room = np.where(t.fd[rows[left]], *ROOM).repeat(end - begin)
     short = np.zeros(len(places) + 1, np.int64)
-    (f.length[numbers[places].astype(np.int64) - f.first] < room).cumsum(out=short[1:])
+    (f.length[numbers[places].astype(np.int64) - f.first] <= room).cumsum(out=short[1:])
     found[left] = short[ends[1:]] > short[ends[:-1]]
     return rows[found]
 

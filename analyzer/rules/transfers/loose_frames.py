@@ -10,7 +10,7 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.diagnosis.budgets import senders_of
 from analyzer.rules.diagnosis.search import FrameLists
 from analyzer.rules.frames.malformed import FrameForm
-from analyzer.rules.recent import SOON_GONE
+from analyzer.rules.recent import NO_FRAME, soon_gone
 from analyzer.tables import FD, VERDICTS
 from dissectors.kit import Occurrences
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _BUS = 32  # bits below the bus in a session
-_NEVER = (1 << 63) - 1  # the number of a frame that there is not
 
 
 _COLUMNS = ("number", "session", "t", "id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
@@ -77,7 +76,7 @@ class LooseFrames:
     def blank(cls, rows: int) -> LooseFrames:
         """Return rows without frames, of which no lines are looked up."""
         cells = np.zeros((len(_COLUMNS), rows), np.int64)
-        cells[_PLACES["number"]] = _NEVER
+        cells[_PLACES["number"]] = NO_FRAME
         return cls(cells)
 
     @classmethod
@@ -142,7 +141,7 @@ class LooseFrames:
 
     def clear(self, rows: Array) -> None:
         """Leave no frames in place of some."""
-        self.number[rows] = _NEVER
+        self.number[rows] = NO_FRAME
         if self.lines is not None:
             self.lines[rows] = ""
 
@@ -154,9 +153,9 @@ class LooseFrames:
 
     def keep_lines(self, view: View) -> None:
         """Keep the lines of all: they are of earlier batches, and the frames may be gone when they are told."""
-        kept, first = self.kept, view.frames.first
+        kept = self.kept
         np.maximum(kept, 1, out=kept)
-        old = ((self.number < min(first, first + len(view.frames) - SOON_GONE)) & (kept == 1)).nonzero()[0]
+        old = ((self.number < soon_gone(view.frames)) & (kept == 1)).nonzero()[0]
         if len(old):
             if self.lines is None:
                 self.lines = _no_lines(len(self))

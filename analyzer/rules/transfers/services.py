@@ -11,7 +11,7 @@ from analyzer._native import Calls
 from analyzer.decode.sent import cells
 from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
-from analyzer.rules.recent import MOST_LINES, SOON_GONE
+from analyzer.rules.recent import MOST_LINES, NO_FRAME, soon_gone
 from analyzer.rules.transfers.lists import Lists
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
@@ -34,7 +34,6 @@ _WHOLE = np.array([word in {"ok", "unchecked", "bad crc"} for word in STATUSES])
 _NODES = 128
 _LEAST = 64  # slots
 _SIZE = 8  # bytes of the number of a frame
-_NEVER = (1 << 63) - 1  # the number of a frame that there is not
 # Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
 _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 
@@ -59,7 +58,7 @@ class _Parts:
     def blank(cls, rows: int) -> Self:
         """Return rows for transfers that are not there yet."""
         cells = np.zeros((10, rows), np.int64)
-        cells[-1] = _NEVER
+        cells[-1] = NO_FRAME
         return cls(cells, np.full(rows, None), np.full(rows, None))
 
     @classmethod
@@ -94,7 +93,7 @@ class _Parts:
 
     def clear(self, rows: Array) -> None:
         """Leave none in place of some."""
-        self._unread[rows], self._frames[rows], self._lines[rows] = _NEVER, None, None
+        self._unread[rows], self._frames[rows], self._lines[rows] = NO_FRAME, None, None
 
     def twice(self) -> Self:
         """Return these in twice as many rows."""
@@ -119,7 +118,7 @@ class _Parts:
             every = iter(view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist())
             for k, numbers in zip(rows.tolist(), some, strict=True):
                 self._lines[k] = "\n".join(filter(None, islice(every, len(numbers) // _SIZE)))
-            self._unread[rows] = _NEVER
+            self._unread[rows] = NO_FRAME
 
 
 class Services(Rule):
@@ -145,8 +144,7 @@ class Services(Rule):
         self._nodes.feed(view.frames)
         if len(view.transfers):
             yield from self._follow(view, view.transfers)
-        first = view.frames.first
-        self._kept.keep_lines(view, min(first, first + len(view.frames) - SOON_GONE))
+        self._kept.keep_lines(view, soon_gone(view.frames))
 
     def _follow(self, view: View, t: TransferTable) -> Iterator[Occurrences | Occurrence]:
         """Yield calls of the transfers of a batch, and keep those of which more may be told."""
@@ -195,7 +193,7 @@ class Services(Rule):
         old, new = (names < begin).nonzero()[0], (names >= begin).nonzero()[0]
         found = _Parts.blank(len(names))
         found.put(old, self._kept.take(names[old]))
-        found.keep_lines(view, _NEVER)
+        found.keep_lines(view, NO_FRAME)
         found.put(new, _Parts.of(view.transfers, rows[names[new] - begin]))
         return found
 

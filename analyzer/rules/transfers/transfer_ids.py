@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from analyzer._native import IdNodes
+from analyzer.decode.columns import NODES
 from analyzer.decode.sent import cells
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.causes import shown_causes
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, Occurrence, Occurrences, TransferTable, View
 
 _NEVER = 1 << 62
-_NODES = 1 << 16  # with the bus above the node ID
 
 
 class TransferIds(Rule):
@@ -69,7 +69,7 @@ def _messages(t: TransferTable, senders: Array) -> tuple[Array, ...]:
     """Return the messages of some nodes: senders, rows, types, transfer IDs, steps."""
     rows = np.empty(0, np.int64)
     if len(senders):
-        wanted = np.zeros(_NODES, bool)
+        wanted = np.zeros(NODES, bool)
         wanted[senders] = True
         rows = (t.kind == MESSAGE).nonzero()[0]
         rows = rows[wanted[_senders(t, rows)]]

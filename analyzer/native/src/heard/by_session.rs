@@ -1,14 +1,15 @@
 //! Frames of a bus, one session after the other.
 #![forbid(unsafe_code)]
 
-use super::sessions::SERVICE;
+use std::ops::Range;
+
 use crate::grouped::grouped;
+use crate::session_code::of_bits;
 
 const NODE: u32 = 0x7F;
 /// Below the node: a type, or a service with whether it asks and whom, and behind it whether it is one.
 const KEY_BITS: u32 = 17;
 const KEY: u32 = (1 << KEY_BITS) - 1;
-const BUS_BITS: u32 = 24;
 
 /// Frames of a bus by session: places among them, rows of the batch, tail bytes; codes of sessions, where each begins,
 /// and where the last one ends.
@@ -19,6 +20,40 @@ pub struct BySession {
     pub tail: Vec<u8>,
     pub first: Vec<i64>,
     pub codes: Vec<i64>,
+}
+
+/// The same, lent, of a batch: times of all its rows, and the number of its first frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Sent<'a> {
+    pub row: &'a [i64],
+    pub tail: &'a [u8],
+    pub place: &'a [i64],
+    pub first: &'a [i64],
+    pub codes: &'a [i64],
+    pub t: &'a [i64],
+    pub number: i64,
+}
+
+impl Sent<'_> {
+    /// Whether all that is looked up is there.
+    pub fn fits(&self) -> bool {
+        let many = self.row.len();
+        let within = |&row: &i64| usize::try_from(row).is_ok_and(|row| row < self.t.len());
+        let rises = self.first.windows(2).all(|pair| pair[0] < pair[1]);
+        let ends = self.first.first() == Some(&0) && self.first.last() == Some(&(many as i64));
+        let whole = self.tail.len() == many && self.place.len() == many;
+        whole && rises && ends && self.first.len() == self.codes.len() + 1 && self.row.iter().all(within)
+    }
+
+    /// Where the frames of a session are.
+    pub fn places(&self, k: usize) -> Range<usize> {
+        self.first[k] as usize..self.first[k + 1] as usize
+    }
+
+    /// When the bus heard a session first, as a place among its frames.
+    pub fn heard(&self, k: usize) -> i64 {
+        self.place[self.first[k] as usize]
+    }
 }
 
 /// Puts frames of a bus in order by identifiers and tail bytes of a batch, of which they have some rows, or all.
@@ -44,8 +79,7 @@ pub fn by_session(bus: u8, id: &[u32], tail: &[u8], rows: Option<&[i64]>) -> Opt
         .collect::<Option<_>>()?;
     let session = |&at: &i64| {
         let key = i64::from(keys[place[at as usize] as usize]);
-        let (node, kind) = (key >> KEY_BITS, key & i64::from(KEY));
-        (i64::from(bus) << BUS_BITS) | (node << KEY_BITS) | (kind >> 1) | ((kind & 1) * SERVICE)
+        of_bits(bus, (key >> KEY_BITS) as u8, key & i64::from(KEY))
     };
     let codes = first.iter().map(session).collect();
     first.push(keys.len() as i64);

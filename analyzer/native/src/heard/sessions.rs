@@ -3,24 +3,9 @@
 
 use std::collections::HashMap;
 
-const START: u8 = 0x80;
-const END: u8 = 0x40;
-const ID: u8 = 0x1F;
-/// Of the code of a session: that of a service.
-pub(super) const SERVICE: i64 = 1 << 16;
-
-/// Frames of a bus, one session after the other: rows, tail bytes, places, where sessions begin and the last one ends.
-#[derive(Debug)]
-pub struct Sent<'a> {
-    pub row: &'a [i64],
-    pub tail: &'a [u8],
-    pub place: &'a [i64],
-    pub first: &'a [i64],
-    pub codes: &'a [i64],
-    /// Times of all rows of the batch, and the number of its first frame.
-    pub t: &'a [i64],
-    pub number: i64,
-}
+use super::by_session::Sent;
+use crate::session_code::is_service;
+use crate::wire::Tail;
 
 /// Transfers as they begin, one session after the other: how many of each, and of all their sessions the places.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -63,34 +48,31 @@ impl Sessions {
 
     /// Takes the frames of a bus; None if the columns do not fit together.
     pub fn feed(&mut self, sent: &Sent<'_>) -> Option<Begun> {
-        let count = sent.row.len();
-        if sent.first.len() != sent.codes.len() + 1 || [sent.tail.len(), sent.place.len()] != [count; 2] {
+        if !sent.fits() {
             return None;
         }
         let mut begun = Begun::default();
-        let mut new = self.admitted(sent)?.into_iter().peekable();
+        let mut new = self.admitted(sent).into_iter().peekable();
         for (k, &code) in sent.codes.iter().enumerate() {
             let place = match self.places.get(&code) {
                 Some(&place) => place,
                 None if new.next_if_eq(&k).is_some() => self.add(code),
                 None => continue,
             };
-            let some = usize::try_from(sent.first[k]).ok()?..usize::try_from(sent.first[k + 1]).ok()?;
-            let (rows, tails) = (sent.row.get(some.clone())?, sent.tail.get(some)?);
             let (one, before) = (&mut self.known[place], begun.t.len());
             let mut begins = !one.goes_on;
-            for (&row, &tail) in rows.iter().zip(tails) {
-                if begins || tail & START != 0 {
-                    let id = tail & ID;
-                    one.lost += one
-                        .id
-                        .map_or(0, |last| i64::from((id.wrapping_sub(last) & ID).max(1) - 1));
+            for at in sent.places(k) {
+                let (row, tail) = (sent.row[at], Tail(sent.tail[at]));
+                if begins || tail.start() {
+                    let id = tail.transfer_id();
+                    let left_out = |last| i64::from(Tail(id.wrapping_sub(last)).transfer_id().max(1) - 1);
+                    one.lost += one.id.map_or(0, left_out);
                     one.id = Some(id);
-                    begun.t.push(*sent.t.get(usize::try_from(row).ok()?)?);
+                    begun.t.push(sent.t[row as usize]);
                     begun.number.push(sent.number + row);
                     begun.lost.push(one.lost);
                 }
-                begins = tail & END != 0;
+                begins = tail.end();
             }
             one.goes_on = !begins;
             if begun.t.len() > before {
@@ -104,20 +86,16 @@ impl Sessions {
 
     /// Sessions that are new and for which there is room: those that were heard first, whatever their nodes and types,
     /// in order.
-    fn admitted(&self, sent: &Sent<'_>) -> Option<Vec<usize>> {
-        let unknown = |&k: &usize| sent.codes[k] & SERVICE == 0 && !self.places.contains_key(&sent.codes[k]);
+    fn admitted(&self, sent: &Sent<'_>) -> Vec<usize> {
+        let unknown = |&k: &usize| !is_service(sent.codes[k]) && !self.places.contains_key(&sent.codes[k]);
         let mut new: Vec<usize> = (0..sent.codes.len()).filter(unknown).collect();
         let room = self.most - self.known.len();
         if new.len() > room {
-            let mut heard = vec![];
-            for k in new {
-                heard.push((*sent.place.get(usize::try_from(sent.first[k]).ok()?)?, k));
-            }
-            heard.sort_unstable();
-            new = heard.into_iter().take(room).map(|(_, k)| k).collect();
+            new.sort_unstable_by_key(|&k| sent.heard(k));
+            new.truncate(room);
             new.sort_unstable();
         }
-        Some(new)
+        new
     }
 
     fn add(&mut self, code: i64) -> usize {
@@ -153,7 +131,8 @@ impl Sessions {
 
 #[cfg(test)]
 mod tests {
-    use super::{Sent, Sessions, SERVICE};
+    use super::{Sent, Sessions};
+    use crate::session_code::of_service;
 
     const ONE: u8 = 0xC0; // a transfer of one frame, but for its ID
 
@@ -208,7 +187,12 @@ mod tests {
         assert_eq!(
             feed(
                 &mut sessions,
-                &[(1, &[ONE]), (2, &[ONE]), (3, &[ONE]), (4 | SERVICE, &[ONE])]
+                &[
+                    (1, &[ONE]),
+                    (2, &[ONE]),
+                    (3, &[ONE]),
+                    (of_service(0, 1, 1, true, 2), &[ONE])
+                ]
             )
             .0,
             [0, 1]

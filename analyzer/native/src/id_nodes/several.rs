@@ -13,10 +13,10 @@ use crate::diagnosis::index::{key, Frames, SESSION};
 use crate::diagnosis::interleaved::Chain;
 use crate::diagnosis::starts::{Latest, OddStart, Starts};
 use crate::frames::NO_TIME;
+use crate::wire::Tail;
 
 /// Sessions of a node that are followed.
 const SESSIONS: usize = 1 << 12;
-const END: u8 = 0x40;
 
 /// A session that several devices share: what shows it, the time before the second one came, and frames of them.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ fn followed_from(one: &Step, around: Around<'_>) -> Option<Counters> {
         t: one.t,
         tail: part.tail,
         body: part.body.to_vec(),
-        ended: part.tail & END != 0,
+        ended: Tail(part.tail).end(),
     };
     let session = key((one.place >> 32) as u8, one.place as u32 & SESSION);
     let mut followed = Counters::new(Starts::new(session, number + 1, latest), one.before, around.least);

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::frames::NO_TIME;
 use crate::groups::{MESSAGE, REQUEST, RESPONSE};
+use crate::session_code::{bus_of, is_service, node_of, of_message, of_service};
 use crate::transfers::Status;
 
 /// Transfers that prove a session.
@@ -14,23 +15,6 @@ const ENOUGH: u32 = 2;
 const MOST: usize = 1 << 16;
 /// Types of which it is remembered whether they are defined.
 const MOST_TYPES: usize = 1 << 12;
-const NODE_BITS: u32 = 17;
-const BUS_BITS: u32 = 24;
-const SERVICE: i64 = 1 << 16;
-const ASKS: i64 = 1 << 7;
-
-pub fn node_of(code: i64) -> u32 {
-    (code >> NODE_BITS & 0x7F) as u32
-}
-
-pub fn is_service(code: i64) -> bool {
-    code & SERVICE != 0
-}
-
-/// Whether its transfers are answers.
-pub fn is_response(code: i64) -> bool {
-    code & (SERVICE | ASKS) == SERVICE
-}
 
 /// The transfers of a batch in columns.
 #[derive(Debug)]
@@ -54,13 +38,12 @@ impl Ended<'_> {
 
     /// The session of a row as one number; none for what is in none.
     fn session(&self, row: usize) -> Option<i64> {
-        let whose = i64::from(self.bus[row]) << BUS_BITS | i64::from(self.src[row] & 0x7F) << NODE_BITS;
-        let type_id = i64::from(self.type_id[row]);
-        let service = |asks| Some(whose | SERVICE | type_id << 8 | asks | i64::from(self.dst[row]));
+        let (bus, src, type_id) = (self.bus[row], self.src[row], i64::from(self.type_id[row]));
+        let service = |asks| Some(of_service(bus, src, type_id, asks, self.dst[row]));
         match self.kind[row] {
-            MESSAGE => Some(whose | type_id),
-            REQUEST => service(ASKS),
-            RESPONSE => service(0),
+            MESSAGE => Some(of_message(bus, src, type_id)),
+            REQUEST => service(true),
+            RESPONSE => service(false),
             _ => None,
         }
     }
@@ -157,7 +140,7 @@ impl Known {
             self.since.insert(session, t);
         }
         if !is_service(session) {
-            let nodes = self.nodes.entry((session >> BUS_BITS) as u8).or_default();
+            let nodes = self.nodes.entry(bus_of(session)).or_default();
             let at = nodes.entry(node_of(session)).or_insert(t);
             *at = t.min(*at);
         }

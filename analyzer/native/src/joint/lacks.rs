@@ -1,13 +1,12 @@
 //! Where frames of a sender are missing: between two frames of a session that cannot follow each other.
-//!
-//! A session is one number: bus, sender, whether it is a service, and its type; of a service also whether it asks, and
-//! whom.
 #![forbid(unsafe_code)]
 
 use std::collections::HashMap;
 
-use super::known::{is_response, is_service, node_of, Known};
+use super::known::Known;
 use crate::frames::{ERROR, NO_TIME};
+use crate::heard::by_session::Sent;
+use crate::session_code::{is_response, is_service, node_of};
 
 const START: u8 = 1 << 7;
 const END: u8 = 1 << 6;
@@ -57,34 +56,13 @@ pub struct Lack {
     pub void: bool,
 }
 
-/// Frames of a bus in a batch, one session after the other: `first` is where each of `codes` begins, and the end.
-///
-/// `row` are rows of the batch, whose columns are `t` and `flags`; `number` is that of its first frame. `place` counts
-/// the frames of the bus in the batch; time does not go back in it if that goes `forward`.
-#[derive(Debug)]
-pub struct Sent<'a> {
+/// Frames of a bus in a batch, and the flags of all frames of that; time does not go back in it if that goes `forward`.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a> {
     pub bus: u8,
-    pub row: &'a [i64],
-    pub tail: &'a [u8],
-    pub place: &'a [i64],
-    pub first: &'a [i64],
-    pub codes: &'a [i64],
-    pub t: &'a [i64],
+    pub sent: Sent<'a>,
     pub flags: &'a [u16],
-    pub number: i64,
     pub forward: bool,
-}
-
-impl Sent<'_> {
-    /// Whether all that is looked up is there.
-    fn fits(&self) -> bool {
-        let many = self.row.len();
-        let within = |&row: &i64| usize::try_from(row).is_ok_and(|row| row < self.t.len());
-        let rises = self.first.windows(2).all(|pair| pair[0] < pair[1]);
-        let ends = self.first.first() == Some(&0) && self.first.last() == Some(&(many as i64));
-        let whole = self.tail.len() == many && self.place.len() == many && self.flags.len() == self.t.len();
-        whole && rises && ends && self.first.len() == self.codes.len() + 1 && self.row.iter().all(within)
-    }
 }
 
 /// The latest lack of a session: its second frame, and what of it decides about the next one.
@@ -166,15 +144,17 @@ impl Lacks {
     }
 
     /// Adds the frames of a bus; false if columns do not fit together.
-    pub fn feed(&mut self, sent: &Sent<'_>) -> bool {
-        if !sent.fits() || sent.codes.is_empty() {
+    pub fn feed(&mut self, batch: &Batch<'_>) -> bool {
+        let sent = &batch.sent;
+        let fits = sent.fits() && batch.flags.len() == sent.t.len();
+        if !fits || sent.codes.is_empty() {
             return sent.codes.is_empty();
         }
-        let base = self.buses.get(&sent.bus).map_or(0, |bus| bus.heard);
+        let base = self.buses.get(&batch.bus).map_or(0, |bus| bus.heard);
         let begins = sent.first[..sent.codes.len()]
             .iter()
             .map(|&at| sent.t[sent.row[at as usize] as usize]);
-        let bus = self.buses.entry(sent.bus).or_insert(Bus {
+        let bus = self.buses.entry(batch.bus).or_insert(Bus {
             heard: 0,
             since: begins.min().unwrap_or(NO_TIME),
             senders: 0,
@@ -185,15 +165,13 @@ impl Lacks {
             .iter()
             .fold(bus.senders, |all, &code| all | 1 << node_of(code));
         let (since, alone) = (bus.since, bus.senders.is_power_of_two());
-        let errors = sent.flags.iter().fold(0, |all, flags| all | flags) & ERROR != 0;
+        let errors = batch.flags.iter().fold(0, |all, flags| all | flags) & ERROR != 0;
         let without = self.beyond(sent);
         let begin = self.found.len();
-        for (k, &code) in sent.codes.iter().enumerate() {
-            if !without[k] {
-                self.follow(sent, k, code, (base, since), errors);
-            }
+        for k in (0..sent.codes.len()).filter(|&k| !without[k]) {
+            self.follow(sent, k, (base, since), errors.then_some(batch.flags));
         }
-        if alone && sent.forward && self.found.len() > begin {
+        if alone && batch.forward && self.found.len() > begin {
             self.near_end(begin, sent.t.iter().copied().max().unwrap_or(NO_TIME));
         }
         true
@@ -206,21 +184,22 @@ impl Lacks {
         let room = self.limits.sessions.saturating_sub(self.last.len());
         let mut beyond = vec![false; sent.codes.len()];
         if new.len() > room {
-            new.sort_by_key(|&k| (!self.known.has(sent.codes[k]), sent.place[sent.first[k] as usize]));
+            new.sort_by_key(|&k| (!self.known.has(sent.codes[k]), sent.heard(k)));
             new[room..].iter().for_each(|&k| beyond[k] = true);
         }
         beyond
     }
 
-    /// Looks at each frame of a session; `base` are the frames of the bus before the batch, `start` its first time.
-    fn follow(&mut self, sent: &Sent<'_>, k: usize, code: i64, (base, start): (i64, i64), errors: bool) {
-        let places = sent.first[k] as usize..sent.first[k + 1] as usize;
+    /// Looks at each frame of a session; `base` are the frames of the bus before the batch, `start` its first time. Those
+    /// are no frames whose `flags` say so, if some do.
+    fn follow(&mut self, sent: &Sent<'_>, k: usize, (base, start): (i64, i64), flags: Option<&[u16]>) {
+        let code = sent.codes[k];
         let mut last = self.last.get(&code).copied().unwrap_or(Last::NONE);
         let known = self.known.since(code);
         let (mut odd_at_all, service, response) = (last.odd, is_service(code), is_response(code));
-        for at in places {
+        for at in sent.places(k) {
             let row = sent.row[at] as usize;
-            if errors && sent.flags[row] & ERROR != 0 {
+            if flags.is_some_and(|flags| flags[row] & ERROR != 0) {
                 continue;
             }
             let (before, tail) = (last, sent.tail[at]);

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 use super::{Joins, LastRun, LastRuns};
+use crate::runs::tests::of as about;
 use crate::runs::{About, Apart, Groups, Place};
 
 const PAUSE: Apart = Apart { pause: 10, piece: 0 };
@@ -9,17 +10,6 @@ const PLAIN: Joins = Joins {
     close: PAUSE,
     crowded: false,
 };
-
-fn about(node: i64, key: i64) -> About {
-    About {
-        bus: 0,
-        node,
-        type_: 7,
-        noted: false,
-        doubtful: false,
-        key,
-    }
-}
 
 fn run(first: i64, last: i64, full: Option<Place>) -> LastRun {
     LastRun {

@@ -8,6 +8,8 @@ const LIMITS: Limits = Limits {
     periods: 5.0,
     fewest: 4,
     span: 0,
+    alike: 2.5,
+    slowest: 2_500_000_000,
 };
 
 fn reports(t: impl IntoIterator<Item = i64>) -> Vec<Report> {

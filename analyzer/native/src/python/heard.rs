@@ -4,10 +4,12 @@ use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
+use super::bus_frames::BusFrames;
 use super::unfit;
 use crate::heard::by_session::by_session;
 use crate::heard::nodes::{self, Frames};
-use crate::heard::sessions::{self, Sent};
+use crate::heard::sessions;
+use crate::session_code::of_message;
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -153,17 +155,6 @@ pub fn frames_by_session(
     ))
 }
 
-/// Frames of a bus, one session after the other.
-#[derive(FromPyObject)]
-pub struct BusFrames {
-    row: PyBuffer<i64>,
-    tail: PyBuffer<u8>,
-    place: PyBuffer<i64>,
-    first: PyBuffer<i64>,
-    codes: PyBuffer<i64>,
-    times: PyBuffer<i64>,
-}
-
 /// Transfers by column.
 #[derive(FromPyObject)]
 pub struct Transfers {
@@ -190,18 +181,8 @@ impl HeardSessions {
     /// Takes the frames of a bus: codes and places of the sessions in which transfers begin, and how many in each; of
     /// these the times, the numbers of frames, and how many were left out, all i64.
     fn feed<'py>(&mut self, py: Python<'py>, frames: BusFrames, number: i64) -> PyResult<Vec<Column<'py>>> {
-        let (row, tail) = (Lent::of(py, frames.row)?, Lent::of(py, frames.tail)?);
-        let (place, first) = (Lent::of(py, frames.place)?, Lent::of(py, frames.first)?);
-        let (codes, t) = (Lent::of(py, frames.codes)?, Lent::of(py, frames.times)?);
-        let sent = Sent {
-            row: &row,
-            tail: &tail,
-            place: &place,
-            first: &first,
-            codes: &codes,
-            t: &t,
-            number,
-        };
+        let frames = frames.lent(py)?;
+        let sent = frames.sent(number);
         let begun = py.detach(|| self.0.feed(&sent)).ok_or_else(unfit)?;
         let columns = [begun.codes, begun.place, begun.size, begun.t, begun.number, begun.lost];
         columns.into_iter().map(|column| Cells::own(py, column)).collect()
@@ -218,8 +199,8 @@ impl HeardSessions {
         }
         let messages = (0..kinds.len()).filter(|&row| kinds[row] == kind);
         let sent = messages.map(|row| {
-            let (bus, src) = (i64::from(bus[row]), i64::from(src[row] & 0x7F));
-            (bus << 24 | src << 17 | i64::from(type_id[row]), code[row])
+            let session = of_message(bus[row], src[row], type_id[row].into());
+            (session, code[row])
         });
         let (places, types) = self.0.prove(sent).into_iter().unzip();
         Ok((Cells::own::<i64>(py, places)?, Cells::own::<i64>(py, types)?))

@@ -4,9 +4,10 @@ use pyo3::buffer::{Element, PyBuffer};
 use pyo3::prelude::*;
 
 use super::buffer::{Cells, Lent};
+use super::bus_frames::BusFrames;
 use super::unfit;
 use crate::joint::known::Ended;
-use crate::joint::lacks::{self, Lack, Limits, Sent};
+use crate::joint::lacks::{self, Batch, Lack, Limits};
 
 type Column<'py> = Bound<'py, Cells>;
 /// Sessions, numbers of the two frames, their times, their places; tail bytes, i64 like all before; windows, frames left,
@@ -24,25 +25,6 @@ pub struct Transfers {
     type_id: PyBuffer<u16>,
     variant: PyBuffer<u8>,
     t_end: PyBuffer<i64>,
-}
-
-/// Frames of a bus, one session after the other: rows, tail bytes, places, where sessions begin, and their numbers.
-#[derive(FromPyObject)]
-pub struct Sessions {
-    row: PyBuffer<i64>,
-    tail: PyBuffer<u8>,
-    place: PyBuffer<i64>,
-    first: PyBuffer<i64>,
-    codes: PyBuffer<i64>,
-    forward: bool,
-}
-
-/// Frames of a batch by column.
-#[derive(FromPyObject)]
-pub struct Frames {
-    t: PyBuffer<i64>,
-    flags: PyBuffer<u16>,
-    first: i64,
 }
 
 /// Follows the tail bytes of all transfers.
@@ -88,24 +70,16 @@ impl Lacks {
         self.0.known.prove(&ended, defined)?.ok_or_else(unfit)
     }
 
-    /// Takes the frames of a bus.
-    fn feed(&mut self, py: Python<'_>, bus: u8, sessions: Sessions, frames: Frames) -> PyResult<()> {
-        let (row, place) = (lent(py, sessions.row)?, lent(py, sessions.place)?);
-        let (first, codes) = (lent(py, sessions.first)?, lent(py, sessions.codes)?);
-        let (tail, t, flags) = (lent(py, sessions.tail)?, lent(py, frames.t)?, lent(py, frames.flags)?);
-        let sent = Sent {
+    /// Takes the frames of a bus in a batch whose first frame has a number, and the flags of all frames of that.
+    fn feed(&mut self, py: Python<'_>, bus: u8, frames: BusFrames, number: i64, flags: PyBuffer<u16>) -> PyResult<()> {
+        let (frames, flags) = (frames.lent(py)?, lent(py, flags)?);
+        let batch = Batch {
             bus,
-            row: &row,
-            tail: &tail,
-            place: &place,
-            first: &first,
-            codes: &codes,
-            t: &t,
+            sent: frames.sent(number),
             flags: &flags,
-            number: frames.first,
-            forward: sessions.forward,
+            forward: frames.forward,
         };
-        let fits = py.detach(|| self.0.feed(&sent));
+        let fits = py.detach(|| self.0.feed(&batch));
         fits.then_some(()).ok_or_else(unfit)
     }
 

@@ -18,14 +18,17 @@ pub struct Paces(paces::Paces);
 
 #[pymethods]
 impl Paces {
-    /// Times in ns.
+    /// Times in ns; `other` are how far off another pace may be, and the slowest that is one before it is seen twice.
     #[new]
-    fn new(least: i64, periods: f64, fewest: usize, span: i64) -> Self {
+    fn new(least: i64, periods: f64, fewest: usize, span: i64, other: (f64, i64)) -> Self {
+        let (alike, slowest) = other;
         Paces(paces::Paces::new(Limits {
             least,
             periods,
             fewest,
             span,
+            alike,
+            slowest,
         }))
     }
 
