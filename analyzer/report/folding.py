@@ -41,11 +41,11 @@ class Folds:
     """Folds findings again and again while more come in: only those of nodes where one is another object now."""
 
     def __init__(self) -> None:
-        self._nodes: dict[tuple[object, ...], tuple[list[Finding], tuple[Finding, ...]]] = {}
+        # Those of a node that are concerned, the identities of these, and of those that are left out.
+        self._nodes: dict[tuple[object, ...], tuple[list[Finding], list[int], set[int]]] = {}
 
-    def shown(self, findings: Iterable[Finding]) -> list[Finding]:
+    def shown(self, findings: Sequence[Finding]) -> Sequence[Finding]:
         """Return the findings to show, in their order."""
-        findings = list(findings)
         nodes: dict[tuple[object, ...], list[Finding]] = {}
         for one in findings:
             if one.rule in _CONCERNED:
@@ -53,11 +53,11 @@ class Folds:
         before, self._nodes = self._nodes, {}
         left_out: set[int] = set()
         for node, own in nodes.items():
-            known = before.get(node)
-            if known is None or list(map(id, known[0])) != list(map(id, own)):
-                known = own, fold(ranked(own))[1]
+            known, names = before.get(node), list(map(id, own))
+            if known is None or known[1] != names:
+                known = own, names, set(map(id, fold(ranked(own))[1]))
             self._nodes[node] = known
-            left_out |= set(map(id, known[1]))
+            left_out |= known[2]
         return [one for one in findings if id(one) not in left_out] if left_out else findings
 
 

@@ -13,7 +13,7 @@ from analyzer.rules.found.runs import PAUSE
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from analyzer.report.draft import Revise
     from analyzer.report.model import Finding, Place, Severity
@@ -67,7 +67,7 @@ class Newest:
     ) -> None:
         self._judge, self._settings, self._revise, self._capture = judge, settings, revise, capture
         self._now = now
-        self._made: dict[int, tuple[_Run, Finding]] = {}  # by the identity of the run
+        self._made: dict[int, tuple[_Run, Finding | None]] = {}  # by the identity of the run; none of an event
         self._labels: Mapping[tuple[int, int], str] = {}
         self._folds = Folds()
         self._told: dict[int, Finding] = {}  # all of the last look, by their identity
@@ -112,7 +112,7 @@ class Newest:
             (key, run) for key, run in outcome.runs if key.severity != "note" and pages[key.rule].category != "capture"
         )
         made = self._maker(buses).of(replace(outcome, runs=runs))
-        findings = self._revised(Folds().shown(made))
+        findings = self._revised(Folds().shown(list(made)))
         found, self._early = _changes(ranked(findings), ChainMap(self._early, self._seen))
         self._wait(start)
         return found
@@ -120,21 +120,24 @@ class Newest:
     def _maker(self, buses: Sequence[str]) -> FindingMaker:
         return FindingMaker(buses, self._judge.pages, self._settings, capture=self._capture)
 
-    def _kept(self, buses: Sequence[str]) -> Iterator[Finding]:
-        """Give the findings of now, by place; one whose run is as it was is the same object again."""
+    def _kept(self, buses: Sequence[str]) -> list[Finding]:
+        """Return the findings of now, by place; one whose run is as it was is the same object again."""
         outcome, maker = self._judge.so_far(), self._maker(buses)
-        before, self._made = self._made, {}
         renamed = {node for node, _ in outcome.labels.items() ^ self._labels.items()}
-        self._labels = labels = outcome.labels
-        for told in outcome.runs:
-            made = before.get(id(told))
-            if made is None or (renamed and (told[0].bus, told[0].node) in renamed):
-                key, run = told
-                if self._judge.pages[key.rule].event:
-                    continue
-                made = told, maker.one(key, run, labels.get((key.bus, key.node), ""))
-            self._made[id(told)] = made
-            yield made[1]
+        self._labels = outcome.labels
+        before = self._made
+        if renamed:
+            before = {name: one for name, one in before.items() if (one[0][0].bus, one[0][0].node) not in renamed}
+        names = list(map(id, outcome.runs))
+        known = zip(outcome.runs, map(before.get, names), strict=True)
+        made = [one or (told, self._finding(told, maker)) for told, one in known]
+        self._made = dict(zip(names, made, strict=True))
+        return [one for _, one in made if one is not None]
+
+    def _finding(self, told: _Run, maker: FindingMaker) -> Finding | None:
+        key, run = told
+        event = self._judge.pages[key.rule].event
+        return None if event else maker.one(key, run, self._labels.get((key.bus, key.node), ""))
 
     def _revised(self, findings: Sequence[Finding]) -> Sequence[Finding]:
         if not self._revise:
@@ -148,11 +151,10 @@ class Newest:
         """Return what differs from the last look, and keep it in mind."""
         before, self._told = self._told, {id(one): one for one in findings}
         self._all = None
-        new = ranked(one for name, one in self._told.items() if name not in before)
-        found, seen = _changes(new, ChainMap(self._early, self._seen))
-        for name, one in before.items():
-            if name not in self._told:
-                _forget(one, self._seen)
+        new = ranked([one for name, one in self._told.items() if name not in before])
+        found, seen = _changes(new, ChainMap(self._early, self._seen) if self._early else self._seen)
+        for one in [one for name, one in before.items() if name not in self._told]:
+            _forget(one, self._seen)
         for run, counts in seen.items():
             self._seen.setdefault(run, {}).update(counts)
         self._early = {run: counts for run, counts in self._early.items() if run not in self._seen}
@@ -164,14 +166,15 @@ class Newest:
 
 
 def _name(one: Finding) -> tuple[object, ...]:
-    return one.rule, one.bus, one.node, one.type, one.key, one.first
+    return one.rule, one.bus, one.node, one.type, one.key, one.first.frame, one.first.t_ns
 
 
 def _forget(one: Finding, seen: _Seen) -> None:
-    counts = seen.get(_name(one), {})
+    name = _name(one)
+    counts = seen.get(name, {})
     counts.pop(one.severity, None)
     if not counts:
-        seen.pop(_name(one), None)
+        seen.pop(name, None)
 
 
 def _changes(findings: Iterable[Finding], before: Mapping[tuple[object, ...], _Counts]) -> tuple[list[Change], _Seen]:
@@ -179,15 +182,17 @@ def _changes(findings: Iterable[Finding], before: Mapping[tuple[object, ...], _C
     found: list[Change] = []
     seen: _Seen = {}
     for one in findings:
-        seen.setdefault(_name(one), {})[one.severity] = one.count, one.last
-        then = before.get(_name(one), {})
-        if then.get(one.severity) == (one.count, one.last):
+        name = _name(one)
+        seen.setdefault(name, {})[one.severity] = one.count, one.last
+        then = before.get(name, {})
+        known = then.get(one.severity)
+        if known == (one.count, one.last):
             continue
         if not then:
             found.append(Change(one, fresh=True, more=one.count, since=one.first.t_ns))
             continue
         # Another severity than before makes it no new one.
-        count, last = then.get(one.severity, (one.count, one.last))
+        count, last = known or (one.count, one.last)
         found.append(Change(one, fresh=False, more=one.count - count, since=_since(one, one.count - count, last.t_ns)))
     return found, seen
 

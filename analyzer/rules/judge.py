@@ -20,7 +20,7 @@ from dissectors.kit import SECOND
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.decode.places import Places
@@ -114,7 +114,7 @@ class Judge:
         """
         readings = self._past.dialects.statements
         runs = self._results.of(self._findings, readings, self._past.end, over=False)
-        return Outcome(tuple(self._placed(runs)), frozenset(), dict(self._labels), readings)
+        return Outcome(self._placed(runs), frozenset(), dict(self._labels), readings)
 
     def as_ended(self) -> Outcome:
         """Return what `finish` would if there were no more batches; there may be.
@@ -135,17 +135,18 @@ class Judge:
             self._release(view, None)
         readings = self._past.dialects.statements
         return Outcome(
-            runs=tuple(self._placed(self._results.of(self._findings, readings, self._past.end))),
+            runs=self._placed(self._results.of(self._findings, readings, self._past.end)),
             words=self._exercises.words() | (frozenset() if self._own is None else self._own.words),
             labels=self._labels,
             readings=readings,
             facts=self._exercises.facts(),
         )
 
-    def _placed(self, runs: Iterable[tuple[FindingKey, OccurrenceRun]]) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
-        """Yield the runs with frames numbered as in the capture that they were picked from."""
-        for told in runs:
-            yield told if self._places is None else (told[0], told[1].placed(self._places))
+    def _placed(self, runs: Sequence[tuple[FindingKey, OccurrenceRun]]) -> tuple[tuple[FindingKey, OccurrenceRun], ...]:
+        """Return the runs with frames numbered as in the capture that they were picked from."""
+        if self._places is None:
+            return tuple(runs)
+        return tuple((key, run.placed(self._places)) for key, run in runs)
 
     def _take(self, found: Iterable[Occurrences | Occurrence], view: View) -> None:
         for one in found:

@@ -58,6 +58,9 @@ CHOICE = st.sampled_from([(), ("dronecan",)])
 @given(steps=st.lists(st.tuples(st.lists(FOUND, max_size=6), CHOICE), max_size=8))
 def test_asked_again_they_are_as_if_worked_out_anew(steps: list[tuple[list[Any], tuple[str, ...]]]) -> None:
     added, kept = Findings(PAGES, {}), Results(PAGES, {})
+    for node in range(20, 60):  # many are known when a few come
+        added.feed(one(SILENT, 2 * (node - 20), node, "RawCommand"), VIEW)
+    kept.of(added, (), over=False)
     for more, choices in steps:
         for each in more:
             added.feed(each, VIEW)

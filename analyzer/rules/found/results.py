@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from itertools import chain
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Self
@@ -22,37 +23,39 @@ if TYPE_CHECKING:
     from dissectors.kit import Severity, Values
 
     _Choices = dict[tuple[int, int], set[str]]
+    _Pair = tuple[FindingKey, OccurrenceRun]
 
+_FEW = 16  # times as many are known as are new: then each of these is put where it belongs
 _TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
 
 
 class _ToldRun:
-    """A run to tell of, and the same with one example, once that is asked for."""
+    """The run that is told from a place, the same pair as long as it says the same; and that with one example."""
 
-    __slots__ = ("_short", "place", "told")
+    __slots__ = ("place", "short", "told")
 
-    def __init__(self, key: FindingKey, run: OccurrenceRun) -> None:
-        self.told, self.place = (key, run), (run.first, key)
-        self._short: tuple[FindingKey, OccurrenceRun] | None = None
+    def __init__(self, told: _Pair) -> None:
+        self.place = told[1].first, told[0]
+        self.told: _Pair | None = None  # also once nothing is told from here any more
+        self.tell(told)
 
-    def or_same(self, before: _ToldRun | None) -> _ToldRun:
-        """Return what was told before from the same place if that says the same."""
-        if before is None:
-            return self
-        (_, one), (_, run) = self.told, before.told
-        same = one.last == run.last and one.count == run.count and one.text == run.text
-        return before if same and one.examples == run.examples else self
+    def tell(self, told: _Pair) -> None:
+        """Take what is told now; what says the same as before is left as it was."""
+        before, run = None if self.told is None else self.told[1], told[1]
+        if (
+            before is None
+            or before.last != run.last
+            or before.count != run.count
+            or before.text != run.text
+            or before.examples != run.examples
+        ):
+            self.told, self.short = told, _short(told)
 
-    @property
-    def short(self) -> tuple[FindingKey, OccurrenceRun]:
-        """The run with one example."""
-        if self._short is None:
-            key, run = self.told
-            if len(run.examples) > 1:
-                run = run.copy()
-                del run.examples[1:]
-            self._short = key, run
-        return self._short
+
+def _short(told: _Pair) -> _Pair:
+    """Return a run with one example."""
+    key, run = told
+    return told if len(run.examples) < 2 else (key, run.copy(1))
 
 
 _PLACE, _TOLD, _SHORT = attrgetter("place"), attrgetter("told"), attrgetter("short")
@@ -72,6 +75,9 @@ class Results:
     def __init__(self, pages: Mapping[str, Page], severities: Mapping[str, Severity]) -> None:
         self._pages, self._severities = pages, severities
         self._spots: dict[Spot, list[_ToldRun]] = {}
+        self._every: list[_ToldRun] = []  # of all spots, by place, as of the last time
+        self._new: list[_ToldRun] = []
+        self._gone = False  # some of them are told no more
         self._lasting: set[Spot] = set()  # those whose text goes on with the time
         self._choices: _Choices = {}
         self._explains: dict[str, list[str]] = {}
@@ -97,17 +103,47 @@ class Results:
         choices: _Choices = {}
         for one in readings:
             choices.setdefault((one.bus, one.node), set()).add(one.choice.removesuffix(FORCED))
-        told = {} if over else self._spots
-        due: Iterable[Spot] = findings.spots if over else self._due(findings, choices)
         work = _Work(findings, self._pages, self._severities, choices)
-        for spot in due:
-            before = {one.place: one for one in told.get(spot, ())}
-            found = [_ToldRun(*one) for one in work.told(spot, end, over=over)]
-            told[spot] = [one.or_same(before.get(one.place)) for one in found]
-            if not over and any(run.episode is not None for _, run in map(_TOLD, found)):
-                self._lasting.add(spot)
-        every = sorted(chain.from_iterable(told.values()), key=_PLACE)
+        if over:
+            runs = chain.from_iterable(work.told(spot, end, over=True) for spot in findings.spots)
+            told = sorted(runs, key=lambda one: (one[1].first, one[0]))
+            return [*told[:RICH], *map(_short, told[RICH:])]
+        for spot in self._due(findings, choices):
+            self._tell(spot, work.told(spot, end, over=False))
+        every = self._by_place()
         return [*map(_TOLD, every[:RICH]), *map(_SHORT, every[RICH:])]
+
+    def _tell(self, spot: Spot, runs: Iterable[_Pair]) -> None:
+        """Take what is told of a spot now."""
+        before = {one.place: one for one in self._spots.get(spot, ())}
+        now: list[_ToldRun] = []
+        for told in runs:
+            key, run = told
+            one = before.pop((run.first, key), None)
+            if one is None:
+                one = _ToldRun(told)
+                self._new.append(one)
+            else:
+                one.tell(told)
+            now.append(one)
+            if run.episode is not None:
+                self._lasting.add(spot)
+        for one in before.values():
+            one.told = None
+            self._gone = True
+        self._spots[spot] = now
+
+    def _by_place(self) -> list[_ToldRun]:
+        """Return all that is told: in order but for what is new."""
+        if self._gone:
+            self._every = [one for one in self._every if one.told is not None]
+        if len(self._new) > len(self._every) // _FEW:
+            self._every = sorted(self._every + self._new, key=_PLACE)
+        else:
+            for one in self._new:
+                insort(self._every, one, key=_PLACE)
+        self._new, self._gone = [], False
+        return self._every
 
     def _due(self, findings: Findings, choices: _Choices) -> set[Spot]:
         """Return the spots where something may be told that was not the last time."""
@@ -195,13 +231,16 @@ class _Work:
         found: dict[FindingKey, list[OccurrenceRun]] = {}
         for key in keys:
             severity: Severity | None = key.severity
+            named = key
             if key.dialects:
                 choices = self._choices.get((key.bus, key.node), ())
                 for choice, instead in key.dialects:
                     if choice in choices:
                         severity = instead if instead is None else self._severities.get(key.rule, instead)
+                if severity is not None:
+                    named = key._replace(severity=severity, dialects=())
             if severity is not None:
-                known = found.setdefault(key._replace(severity=severity, dialects=()), [])
+                known = found.setdefault(named, [])
                 close = closeness(self._pages[key.rule])
                 for run in self._findings.kept[key].runs:
                     merge(known, run.copy(), close)

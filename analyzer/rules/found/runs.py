@@ -60,10 +60,11 @@ class OccurrenceRun:
     text: str = ""
     most: int = MOST_EXAMPLES
 
-    def copy(self) -> OccurrenceRun:
-        """Return one that grows apart from this."""
+    def copy(self, examples: int = MOST_EXAMPLES) -> OccurrenceRun:
+        """Return one that grows apart from this, with so many of its examples."""
         episode = None if self.episode is None else self.episode.copy()
-        return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text, self.most)
+        shown = self.examples[:examples]
+        return OccurrenceRun(self.first, self.last, self.count, shown, episode, self.text, self.most)
 
     def placed(self, places: Places) -> OccurrenceRun:
         """Return it with the places in the capture of frames that were picked from there."""
