@@ -89,6 +89,7 @@ class Findings:
             rule: RuleRuns(page, plain=not page.explained and rule not in causes) for rule, page in pages.items()
         }
         self.kept: dict[FindingKey, KeyRuns] = {}
+        self._key_names: set[str] = set()  # of those that are kept
         self._numbered: list[KeyRuns] = []  # the same by their numbers
         self._last_runs = LastRuns(MOST_BEYOND)
         self._names: dict[str, int] = {}  # a number for each key by which something is kept apart
@@ -124,7 +125,7 @@ class Findings:
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
-        kept = self._apart(key) or self._kept_of(key._replace(bus=-1, node=-1, type="", key=FURTHER))
+        kept = self._apart(key) or self._kept_of(_shared(key.rule, key.severity, key.dialects))
         place = (one.t, one.frames[0] if one.frames else -1)
         room = self._counted(kept, place, place, 1)
         run = kept.runs[-1] if room else OccurrenceRun(place, place, 1)
@@ -143,9 +144,9 @@ class Findings:
         rule = self._rules[found.rule]
         ends = BY_PIECE if rule.page.explained else BY_PAUSE
         told = _Told(found, rule.page, view, groups_of(found, near_drops, ALL_ONE if rule.crowded else ends), {})
-        # Which ones are the last to stand apart goes by time.
+        # Which ones are the last to stand apart goes by time; what goes on with a run without a pause does so anyway.
         few_left = rule.plain and 0 <= MOST_APART - rule.count < len(found.t)
-        placed = self._placed(told, None if found.worst or few_left else (ends, rule.crowded))
+        placed = self._placed(told, None if found.worst else (ends, rule.crowded and not few_left))
         if few_left and MOST_APART - rule.count < len(placed):
             placed.sort(key=lambda one: one[1][0])
         for kept, piece in placed:
@@ -223,6 +224,8 @@ class Findings:
             self._last_runs.leave_out(alike.number, about[:3])
             return None
         named = told.name(row)
+        if full and keyed and named not in self._key_names:
+            return None
         type_ = told.view.type_name(number)
         kept = self._apart(FindingKey(shared.rule, shared.severity, bus, node, type_, named, shared.dialects))
         if kept is not None:
@@ -244,7 +247,7 @@ class Findings:
             begin = 4 * len(self._alike)
             turned = dialects + tuple(TURNED.items())
             shared = [
-                FindingKey(found.rule, self._severity(found.rule, found.severity, noted), -1, -1, "", FURTHER, one)
+                _shared(found.rule, self._severity(found.rule, found.severity, noted), one)
                 for noted in (False, True)
                 for one in (dialects, turned)
             ]
@@ -303,6 +306,7 @@ class Findings:
         if kept is None:
             kept = self.kept[key] = KeyRuns(key, self._rules[key.rule], self._last_runs)
             self._numbered.append(kept)
+            self._key_names.add(key.key)
             self.spots.setdefault(kept.spot, []).append(key)
             self.keys.setdefault(kept.spot.where, []).append(key)
         return kept
@@ -328,3 +332,8 @@ class Findings:
         if not kept.changed:
             kept.changed = True
             self._changed.append(kept)
+
+
+def _shared(rule: str, severity: Severity, dialects: tuple[tuple[str, Severity | None], ...]) -> FindingKey:
+    """Return the key of what comes when no more keys are kept apart."""
+    return FindingKey(rule, severity, -1, -1, "", FURTHER, dialects)
