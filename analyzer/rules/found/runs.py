@@ -89,7 +89,10 @@ class OccurrenceRun:
 
 def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Close) -> None:
     """Put a run among others, in order of time; those that are close become one."""
-    behind = not runs or runs[-1].first < run.first  # as nearly always
+    if not runs:
+        runs.append(run)
+        return
+    behind = runs[-1].first < run.first  # as nearly always
     at = len(runs) if behind else bisect_left(runs, run.first, key=lambda one: one.first)
     runs.insert(at, run)
     if at and close(runs[at - 1], run.first):
