@@ -31,14 +31,15 @@ class _Losses(NamedTuple):
     lost: array[int]
 
     def add(self, lead: Sequence[int], lost: Sequence[int]) -> None:
-        """Add some."""
-        pairs = sorted(zip(lead, lost, strict=True), key=_LEAD)
-        at = bisect_right(self.lead, pairs[0][0])
+        """Add some, which are in order."""
+        at = bisect_right(self.lead, lead[0])
         if at < len(self.lead):
-            pairs = sorted([*zip(self.lead[at:], self.lost[at:], strict=True), *pairs], key=_LEAD)
+            later = zip(self.lead[at:], self.lost[at:], strict=True)
+            pairs = sorted([*later, *zip(lead, lost, strict=True)], key=_LEAD)
+            lead, lost = zip(*pairs, strict=True)
             del self.lead[at:], self.lost[at:]
-        self.lead.extend(one for one, _ in pairs)
-        self.lost.extend(count for _, count in pairs)
+        self.lead.extend(lead)
+        self.lost.extend(lost)
 
 
 class TransferLosses:
@@ -64,6 +65,8 @@ class TransferLosses:
         found = [(rows[skips], gone[skips]), (broken, np.full(len(broken), _BROKEN))]
         found += [(rest.row, np.ones(len(rest.row), np.int64)) for rest in unread]
         rows, lost = (np.concatenate(columns) for columns in zip(*found, strict=True))
+        order = np.argsort(t.lead[rows], kind="stable")
+        rows, lost = rows[order], lost[order]
         session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
         for key, mine in groups(session):
             known = self._lost.setdefault((_NAMES[key & 1], key >> 1), _Losses(array("q"), array("q")))
@@ -82,8 +85,8 @@ class TransferLosses:
         losses = self._lost.get((name, node))
         if losses is None:
             return False
-        low, high = (bisect_right(losses.lead, number) for number in between)
-        lost = losses.lost[low:high]
+        since, until = between
+        lost = losses.lost[bisect_right(losses.lead, since) : bisect_right(losses.lead, until)]
         return _BROKEN in lost or 0 < missing <= sum(lost)
 
 
