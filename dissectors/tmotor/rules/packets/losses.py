@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,6 +22,7 @@ _MOST_GAPS = 256
 _BROKEN = -1
 _NAMES = ("PUSHSCI", "PUSHCAN")
 _LEAD = itemgetter(0)
+_NO_PACKETS = np.empty(0, np.int64), np.empty(0, np.int64)  # keys and places
 
 
 class _Losses(NamedTuple):
@@ -126,7 +127,7 @@ class KnownLosses:
         self._tables = {table.name: (known.key_of(table), place(table)) for table in tables}
         self._known = known
         self._names: dict[str, list[str]] = {}
-        self._places: dict[tuple[str, int], Array] = {}
+        self._places: dict[tuple[str, int], list[int]] = {}
 
     def names(self, carrier: str) -> list[str]:
         """Return the packet tables of a carrier."""
@@ -136,18 +137,25 @@ class KnownLosses:
         return self._names[carrier]
 
     def before(self, names: Iterable[str], key: int, at: int) -> tuple[int, int]:
-        """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
-        latest, name = max((self._before(name, key, at), name) for name in names)
+        """Return number and first frame of the transfer of a key's latest packet before a place.
+
+        It is among some tables, whose names are in order.
+        """
+        latest, of = -1, ""
+        for name in names:
+            place = self._before(name, key, at)
+            if place >= latest:
+                latest, of = place, name
         number, first = latest >> 16, self._transfers.first
-        return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(name, key)
+        return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(of, key)
 
     def _before(self, name: str, key: int, at: int) -> int:
-        if (name, key) not in self._places:
-            keys, places = self._tables.get(name, (np.empty(0), np.empty(0)))
-            self._places[name, key] = places[keys == key]
-        places = self._places[name, key]
-        found = int(places.searchsorted(at)) - 1
-        return places.item(found) if found >= 0 else self._known.place(name, key)
+        places = self._places.get((name, key))
+        if places is None:
+            keys, every = self._tables.get(name, _NO_PACKETS)
+            places = self._places[name, key] = every[keys == key].tolist()
+        found = bisect_left(places, at) - 1
+        return places[found] if found >= 0 else self._known.place(name, key)
 
 
 class Before:
