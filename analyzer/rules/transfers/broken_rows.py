@@ -142,13 +142,9 @@ class BrokenTransfers:
 
     def one(self, rule: str, row: int) -> Incomplete:
         """Return one as breach of a rule."""
-        crc, wire, here, payload = self.crc.item(row), 0, 0, b""
-        if rule in BY_CRC:
-            payload = self.payload(row)
-            if crc:
-                wire, here = self.wire.item(row), self.here.item(row)
-        return Incomplete(
-            rule, self.t.item(row), self.bus.item(row), self.src.item(row), self.code.item(row),
-            bool(self.fd.item(row)), self.frames_of(row), wire, here, payload, self.length.item(row) + 2 * crc,
-            self.t_end.item(row),
-        )  # fmt: skip
+        _, _, _, t, end, bus, src, _, code, fd, length, crc, wire, _, here, *_ = self._cells[:, row].tolist()
+        payload = self.payload(row) if rule in BY_CRC else b""
+        if rule not in BY_CRC or not crc:
+            wire = here = 0
+        frames = self.frames_of(row)
+        return Incomplete(rule, t, bus, src, code, bool(fd), frames, wire, here, payload, length + 2 * crc, end)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis import checksums
@@ -79,10 +78,15 @@ def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
 
 def _break_at(view: View, frames: Sequence[int]) -> int:
     """Return the first frame with the toggle of the one before it, the last one if there is none."""
-    kept = ((number, view.frame(number)) for number in frames)
-    known = [(number, one.data[-1] & TAIL_TOGGLE) for number, one in kept if one is not None and one.data]
-    still = (after for (_, one), (after, other) in pairwise(known) if one == other)
-    return next(still, known[-1][0] if known else frames[0])
+    last, before = frames[0], -1
+    for number in frames:
+        one = view.frame(number)
+        if one is not None and one.data:
+            last, toggle = number, one.data[-1] & TAIL_TOGGLE
+            if toggle == before:
+                break
+            before = toggle
+    return last
 
 
 def turned_bit(one: Incomplete) -> Cause:

@@ -216,11 +216,13 @@ class MissingStart:
         held: list[int] = []
         steps: list[tuple[int, bool]] = []  # kinds, and whether one more of each is held back
         waiting: dict[int, int] = {}  # how many of each kind are held back then
-        new, known = {*kinds[early].tolist()}, self._early_ones
-        for place, kind in [one for one in enumerate(kinds.tolist()) if one[1] in known or one[1] in new]:
-            k, is_early = rows.item(place), early.item(place)
-            count = waiting[kind] if kind in waiting else len(self._early_ones.get(kind, ()))
-            if is_early and self._excused < MOST_EARLY:
+        known = self._early_ones
+        for k, kind, is_early in zip(rows.tolist(), kinds.tolist(), early.tolist(), strict=True):
+            has_room = is_early and self._excused < MOST_EARLY
+            if not has_room and kind not in waiting and kind not in known:
+                continue  # mostly
+            count = waiting[kind] if kind in waiting else len(known.get(kind, ()))
+            if has_room:
                 self._excused += 1
                 waiting[kind] = count + 1
                 held.append(k)

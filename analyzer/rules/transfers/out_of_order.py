@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 COPY, OTHER_ID, ORPHAN = (VERDICTS.index(name) for name in ("duplicate", "wrong transfer id", "orphan"))
 _USED = VERDICTS.index("used")
 NEAR = 4096  # frames that are looked through for the one before
+_CLOSE = 64  # of these that are looked through first
 KINDS = (COPY, OTHER_ID, ORPHAN)
 _WHY = {  # of a frame with another transfer ID inside a transfer
     GONE: ": cause not sought",
@@ -110,12 +111,15 @@ class OutOfOrder:
 
 def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
     """Yield earlier frames of a session, the last one first."""
-    low = max(number - most, 0)
-    for index in reversed(view.indexes(low, number)):
-        for earlier in reversed(index.numbers(low, number, bus, session)):
-            other = view.frame(earlier)
-            if other is not None and other.data:
-                yield earlier, other
+    low, end, look = max(number - most, 0), number, _CLOSE
+    while low < end:  # mostly the first ones suffice
+        begin = max(number - look, low)
+        for index in reversed(view.indexes(begin, end)):
+            for earlier in reversed(index.numbers(begin, end, bus, session)):
+                other = view.frame(earlier)
+                if other is not None and other.data:
+                    yield earlier, other
+        end, look = begin, look * 8
 
 
 def _copy(view: View, copies: LooseFrames, k: int) -> Values:

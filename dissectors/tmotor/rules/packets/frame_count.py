@@ -10,7 +10,7 @@ from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import NO_TIME, SECOND, Rule
-from dissectors.records import dataclass, field
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.packets.carried import carrier, occurrence, packet_tables, sender_key, unit_key
 from dissectors.tmotor.rules.packets.count_steps import BY_ID, BY_UNIT, OF_UNIT, READINGS, CountSteps
 from dissectors.tmotor.rules.packets.losses import Before, CaptureGaps, TransferLosses
@@ -133,14 +133,19 @@ class FrameCounts(Rule):
             if len(self._senders) >= _MOST_SENDERS:
                 return
             sender = self._senders.setdefault((name, node), _Sender())
-        if sender.chosen is None and not hit.alike:
+        alike = hit.alike
+        if sender.chosen is None and not alike:
             sender.vote(hit)
         readings = range(len(READINGS)) if sender.chosen is None else (sender.chosen,)
-        if sender.chosen is None and hit.alike and self._lost(view, hit, past[1]):
+        if sender.chosen is None and alike and self._lost(view, hit, past[1]):
             return  # what explains it since the latest packet of all does so since an earlier one
-        doubts = {reading: doubt for reading in readings if (doubt := self._doubt(view, hit, reading, past))}
+        doubts: dict[int, _Doubt] = {}
+        for reading in readings:
+            doubt = self._doubt(view, hit, reading, past, next(iter(doubts.values()), None))
+            if doubt is not None:
+                doubts[reading] = doubt
         if doubts:
-            self._held.append(_Held(int(hit.table.t[hit.row]), name, node, doubts, hit.alike))
+            self._held.append(_Held(hit.table.t.item(hit.row), name, node, doubts, alike))
 
     def _release(self, end: int) -> Iterator[Occurrence]:
         """Judge what nothing that comes out after a time can explain."""
@@ -169,7 +174,10 @@ class FrameCounts(Rule):
         between = lead, view.transfers.lead.item(int(hit.table.row[hit.row]))
         return step is not None and self._losses.explain(name, node, between, (step - 1) % 256)
 
-    def _doubt(self, view: View, hit: Hit, reading: int, past: list[KnownLosses]) -> _Doubt | None:
+    def _doubt(
+        self, view: View, hit: Hit, reading: int, past: list[KnownLosses], other: _Doubt | None
+    ) -> _Doubt | None:
+        """Return whether a hit is one by a reading, of which there may be an `other` doubt already."""
         table, row, step, t = hit.table, hit.row, hit.steps[reading], view.transfers
         at = int(table.row[row])
         if step in {None, 1} or _restarted(view, at) or _overtaken(view, at, step):
@@ -187,7 +195,10 @@ class FrameCounts(Rule):
         value = int(table["frame_count"][row])
         values = {"expected": (value - step + 1) % 256, "value": value, "scope": READINGS[reading]}
         severity: Severity | None = "note" if _silent(view, lead, int(table.t[row])) else None
-        one = occurrence(view, table, row, "PUSH-009", values, held=True, drops=True, severity=severity)
+        if other is None:
+            one = occurrence(view, table, row, "PUSH-009", values, held=True, drops=True, severity=severity)
+        else:
+            one = replace(other.one, values=values, severity=severity)
         return _Doubt(one, between, missing)
 
 

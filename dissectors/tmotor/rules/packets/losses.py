@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,6 +22,7 @@ _MOST_GAPS = 256
 _BROKEN = -1
 _NAMES = ("PUSHSCI", "PUSHCAN")
 _LEAD = itemgetter(0)
+_NO_PACKETS = np.empty(0, np.int64), np.empty(0, np.int64)  # keys and places
 
 
 class _Losses(NamedTuple):
@@ -31,14 +32,15 @@ class _Losses(NamedTuple):
     lost: array[int]
 
     def add(self, lead: Sequence[int], lost: Sequence[int]) -> None:
-        """Add some."""
-        pairs = sorted(zip(lead, lost, strict=True), key=_LEAD)
-        at = bisect_right(self.lead, pairs[0][0])
+        """Add some, which are in order."""
+        at = bisect_right(self.lead, lead[0])
         if at < len(self.lead):
-            pairs = sorted([*zip(self.lead[at:], self.lost[at:], strict=True), *pairs], key=_LEAD)
+            later = zip(self.lead[at:], self.lost[at:], strict=True)
+            pairs = sorted([*later, *zip(lead, lost, strict=True)], key=_LEAD)
+            lead, lost = zip(*pairs, strict=True)
             del self.lead[at:], self.lost[at:]
-        self.lead.extend(one for one, _ in pairs)
-        self.lost.extend(count for _, count in pairs)
+        self.lead.extend(lead)
+        self.lost.extend(lost)
 
 
 class TransferLosses:
@@ -64,6 +66,8 @@ class TransferLosses:
         found = [(rows[skips], gone[skips]), (broken, np.full(len(broken), _BROKEN))]
         found += [(rest.row, np.ones(len(rest.row), np.int64)) for rest in unread]
         rows, lost = (np.concatenate(columns) for columns in zip(*found, strict=True))
+        order = np.argsort(t.lead[rows], kind="stable")
+        rows, lost = rows[order], lost[order]
         session = (t.bus[rows].astype(np.int64) << 7 | t.src[rows]) << 1 | (t.type_id[rows] == TYPE_IDS["PUSHCAN"])
         for key, mine in groups(session):
             known = self._lost.setdefault((_NAMES[key & 1], key >> 1), _Losses(array("q"), array("q")))
@@ -82,8 +86,8 @@ class TransferLosses:
         losses = self._lost.get((name, node))
         if losses is None:
             return False
-        low, high = (bisect_right(losses.lead, number) for number in between)
-        lost = losses.lost[low:high]
+        since, until = between
+        lost = losses.lost[bisect_right(losses.lead, since) : bisect_right(losses.lead, until)]
         return _BROKEN in lost or 0 < missing <= sum(lost)
 
 
@@ -123,7 +127,7 @@ class KnownLosses:
         self._tables = {table.name: (known.key_of(table), place(table)) for table in tables}
         self._known = known
         self._names: dict[str, list[str]] = {}
-        self._places: dict[tuple[str, int], Array] = {}
+        self._places: dict[tuple[str, int], list[int]] = {}
 
     def names(self, carrier: str) -> list[str]:
         """Return the packet tables of a carrier."""
@@ -133,18 +137,25 @@ class KnownLosses:
         return self._names[carrier]
 
     def before(self, names: Iterable[str], key: int, at: int) -> tuple[int, int]:
-        """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
-        latest, name = max((self._before(name, key, at), name) for name in names)
+        """Return number and first frame of the transfer of a key's latest packet before a place.
+
+        It is among some tables, whose names are in order.
+        """
+        latest, of = -1, ""
+        for name in names:
+            place = self._before(name, key, at)
+            if place >= latest:
+                latest, of = place, name
         number, first = latest >> 16, self._transfers.first
-        return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(name, key)
+        return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(of, key)
 
     def _before(self, name: str, key: int, at: int) -> int:
-        if (name, key) not in self._places:
-            keys, places = self._tables.get(name, (np.empty(0), np.empty(0)))
-            self._places[name, key] = places[keys == key]
-        places = self._places[name, key]
-        found = int(places.searchsorted(at)) - 1
-        return places.item(found) if found >= 0 else self._known.place(name, key)
+        places = self._places.get((name, key))
+        if places is None:
+            keys, every = self._tables.get(name, _NO_PACKETS)
+            places = self._places[name, key] = every[keys == key].tolist()
+        found = bisect_left(places, at) - 1
+        return places[found] if found >= 0 else self._known.place(name, key)
 
 
 class Before:
