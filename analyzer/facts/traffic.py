@@ -147,10 +147,13 @@ class Talks:
             type_, talk = known
             types.add(type_)
             talk.count += number
-            talk.bad += broken
+            if broken:
+                talk.bad += broken
             if first <= last:
-                talk.first = first if talk.first is None else min(talk.first, first)
-                talk.last = last if talk.last is None else max(talk.last, last)
+                if talk.first is None or first < talk.first:
+                    talk.first = first
+                if talk.last is None or last > talk.last:
+                    talk.last = last
         return types
 
     def _talk(self, key: TalkKey, count: int) -> Talk | None:

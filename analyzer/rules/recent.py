@@ -140,13 +140,13 @@ class Recent:
         if not numbers or not self._firsts:
             return ()
         if min(numbers) >= self._firsts[-1]:  # mostly all are of the newest batch
-            return self._lines(len(self._firsts) - 1, numbers, buses)
+            return self._lines(-1, numbers, buses)
         places = [bisect_right(self._firsts, number) - 1 for number in numbers]
         if places.count(places[0]) == len(places):
-            return self._lines(places[0], numbers, buses)
+            return self._lines(places[0], numbers, buses) if places[0] >= 0 else ()
         found: list[str] = []
         for at, some in groupby(zip(places, numbers, strict=True), itemgetter(0)):
-            found += self._lines(at, [number for _, number in some], buses)
+            found += self._lines(at, [number for _, number in some], buses) if at >= 0 else ()
             if len(found) >= MOST_LINES:
                 break
         return tuple(found[:MOST_LINES])
@@ -157,4 +157,5 @@ class Recent:
 
     def _lines(self, at: int, numbers: list[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames of one batch."""
-        return () if at < 0 else tuple(self._native(at).lines(numbers[:MOST_LINES], buses))
+        index = self._indexes[at]
+        return tuple((self._native(at) if index is None else index).lines(numbers[:MOST_LINES], buses))

@@ -1,51 +1,16 @@
 //! Frames that are equal but for their tail bytes: told by one number each, and whether they came before.
 #![forbid(unsafe_code)]
 
-use std::collections::hash_map::{HashMap, RandomState};
-use std::hash::{BuildHasher, Hasher};
+use std::collections::HashMap;
 
-const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
+use crate::seeded::{Seeded, MIX};
+
 const WORD: usize = 8;
 const ID: u8 = 31;
 /// Bits of a key that leave few frames but those that are equal, to as many as are asked about: most of them, and how
 /// many places of the sieve each of these gets. More take memory, with fewer too many other frames come through.
 const SIEVE: u32 = 20;
 const SPARSE: usize = 64;
-
-/// Places numbers that are mixed already: in another way each time, so that no capture can be made to slow it down.
-#[derive(Clone, Copy)]
-struct Seeded(u64);
-
-impl Seeded {
-    fn new() -> Self {
-        Seeded(RandomState::new().build_hasher().finish())
-    }
-}
-
-impl BuildHasher for Seeded {
-    type Hasher = Self;
-
-    fn build_hasher(&self) -> Self {
-        *self
-    }
-}
-
-impl Hasher for Seeded {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write_u64(&mut self, number: u64) {
-        let wide = u128::from(number ^ MIX) * u128::from(self.0 | 1);
-        self.0 = wide as u64 ^ (wide >> u64::BITS) as u64;
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.write_u64(byte.into());
-        }
-    }
-}
 
 /// One of several batches: its place in all of them, and what [`Identities`] say of it.
 #[derive(Clone, Copy, Debug)]
@@ -61,8 +26,6 @@ impl Frame {
         mixed(self.key, u64::from(self.tail as u16))
     }
 }
-
-type Places = HashMap<u64, Vec<Frame>, Seeded>;
 
 /// Frames in columns; `offsets` says where the data field of each begins in `data`, one more than there are frames.
 #[derive(Debug)]
@@ -95,15 +58,26 @@ impl Columns<'_> {
             let (tail, body) = field
                 .split_last()
                 .map_or((-1, field), |(&tail, body)| (i16::from(tail), body));
+            let mut at = ends[0] as usize;
             for part in body.chunks(WORD) {
-                let mut word = [0; WORD];
-                word[..part.len()].copy_from_slice(part);
-                key = mixed(key, u64::from_le_bytes(word));
+                key = mixed(key, self.word(at, part));
+                at += WORD;
             }
             keys.push(key);
             tails.push(tail);
         }
         Some(Identities { keys, tails })
+    }
+
+    /// The number of up to eight bytes that are `at` a place: behind it there are mostly as many more.
+    fn word(&self, at: usize, part: &[u8]) -> u64 {
+        if let Some(whole) = self.data.get(at..at + WORD) {
+            let wide = u64::from_le_bytes(whole.try_into().unwrap_or_default());
+            return wide & u64::MAX >> (8 * (WORD - part.len()));
+        }
+        let mut word = [0; WORD];
+        word[..part.len()].copy_from_slice(part);
+        u64::from_le_bytes(word)
     }
 }
 
@@ -141,52 +115,101 @@ pub fn kinds(batches: &[&Identities], places: &[i64], limits: Limits) -> Vec<Kin
     let bits = (places.len() * SPARSE + 2).ilog2().min(SIEVE);
     let place_of = |key: u64| (key >> (u64::BITS - bits)) as usize;
     let mut sieve = vec![false; 1 << bits];
-    let seeded = Seeded::new();
-    let (mut alike, mut equal) = (Places::with_hasher(seeded), Places::with_hasher(seeded));
-    for frame in asked.iter().flatten() {
-        sieve[place_of(frame.key)] = true;
-        alike.entry(frame.key).or_default();
-        equal.entry(frame.whole()).or_default();
+    let mut past = Past::of(asked.iter().flatten());
+    let mut order: Vec<(u32, usize)> = vec![];
+    for (k, frame) in asked.iter().enumerate() {
+        if let Some(frame) = frame {
+            sieve[place_of(frame.key)] = true;
+            order.push((frame.place, k));
+        }
     }
+    order.sort_unstable();
+    let mut next = order.into_iter().peekable();
+    let mut found = vec![Kind::New; places.len()];
     let mut first = 0;
     for batch in batches {
         for (place, (&key, &tail)) in (first..).zip(batch.keys.iter().zip(&batch.tails)) {
             if sieve[place_of(key)] {
-                if let Some(found) = alike.get_mut(&key) {
-                    let frame = Frame { place, key, tail };
-                    found.push(frame);
-                    if let Some(found) = equal.get_mut(&frame.whole()) {
-                        found.push(frame);
-                    }
+                let frame = Frame { place, key, tail };
+                while let Some((_, k)) = next.next_if(|&(asked, _)| asked == place) {
+                    found[k] = past.kind(&frame, limits);
                 }
+                past.add(&frame);
             }
         }
         first += batch.keys.len() as u32;
     }
-    let kind = |frame: &Frame| {
-        let near = |all: &Vec<Frame>| {
-            let low = all.partition_point(|one| one.place < frame.place.saturating_sub(limits.look));
-            (low, all.partition_point(|one| one.place < frame.place))
+    found
+}
+
+/// In place of a link of the past.
+const NONE: u32 = u32::MAX;
+
+/// A frame, and the link of the one before it that has the same key.
+struct Link {
+    place: u32,
+    tail: i16,
+    before: u32,
+}
+
+/// The frames so far that are like those that are asked about: the latest link of each key, and the last two places of
+/// each key with a tail byte, [`NONE`] at first.
+struct Past {
+    links: Vec<Link>,
+    alike: HashMap<u64, u32, Seeded>,
+    equal: HashMap<u64, [u32; 2], Seeded>,
+}
+
+impl Past {
+    fn of<'a>(asked: impl Iterator<Item = &'a Frame>) -> Self {
+        let seeded = Seeded::new();
+        let (mut alike, mut equal) = (HashMap::with_hasher(seeded), HashMap::with_hasher(seeded));
+        for frame in asked {
+            alike.insert(frame.key, NONE);
+            equal.insert(frame.whole(), [NONE; 2]);
+        }
+        Past {
+            links: vec![],
+            alike,
+            equal,
+        }
+    }
+
+    fn add(&mut self, frame: &Frame) {
+        let Some(latest) = self.alike.get_mut(&frame.key) else {
+            return;
         };
-        let (low, high) = equal.get(&frame.whole()).map_or((0, 0), near);
-        if low == high {
+        self.links.push(Link {
+            place: frame.place,
+            tail: frame.tail,
+            before: *latest,
+        });
+        *latest = self.links.len() as u32 - 1;
+        if let Some(last) = self.equal.get_mut(&frame.whole()) {
+            *last = [frame.place, last[0]];
+        }
+    }
+
+    /// What the next frame is.
+    fn kind(&self, frame: &Frame, limits: Limits) -> Kind {
+        let low = frame.place.saturating_sub(limits.look);
+        let near = |place: u32| place != NONE && place >= low;
+        let [last, before] = self.equal.get(&frame.whole()).copied().unwrap_or([NONE; 2]);
+        if !near(last) {
             return Kind::New;
         }
-        let others = alike.get(&frame.key).map_or(&[][..], |all| {
-            let (low, high) = near(all);
-            &all[low..high]
+        let latest = self.alike.get(&frame.key).copied().unwrap_or(NONE);
+        let links = std::iter::successors(self.links.get(latest as usize), |one| {
+            self.links.get(one.before as usize)
         });
-        let once = high - low == 1 && others.len() <= limits.few && in_a_row(others);
-        if once {
-            Kind::Once
-        } else {
+        let others = links.take_while(|one| one.place >= low).take(limits.few + 1);
+        let others: Vec<i16> = others.map(|one| one.tail).collect();
+        if near(before) || others.len() > limits.few || !in_a_row(&others) {
             Kind::Seen
+        } else {
+            Kind::Once
         }
-    };
-    asked
-        .iter()
-        .map(|frame| frame.as_ref().map_or(Kind::New, kind))
-        .collect()
+    }
 }
 
 /// The frame at a place, if it is there and has a tail byte.
@@ -202,12 +225,11 @@ fn frame_at(batches: &[&Identities], place: i64) -> Option<Frame> {
     None
 }
 
-/// Whether the transfer IDs of frames are different, and follow each other.
-fn in_a_row(frames: &[Frame]) -> bool {
-    let bit = |frame: &Frame| 1_u32 << (frame.tail as u8 & ID);
-    let ids = frames.iter().fold(0, |ids, frame| ids | bit(frame));
+/// Whether the transfer IDs of frames with these tail bytes are different, and follow each other.
+fn in_a_row(tails: &[i16]) -> bool {
+    let ids = tails.iter().fold(0, |ids, &tail| ids | 1_u32 << (tail as u8 & ID));
     let breaks = ids & !ids.rotate_right(1);
-    ids.count_ones() as usize == frames.len() && breaks.count_ones() <= 1
+    ids.count_ones() as usize == tails.len() && breaks.count_ones() <= 1
 }
 
 #[cfg(test)]
@@ -234,7 +256,7 @@ mod tests {
 
     #[test]
     fn numbers_tell_all_but_the_tail() {
-        let frames: [(u8, u32, &[u8]); 8] = [
+        let frames: [(u8, u32, &[u8]); 10] = [
             (0, 5, b"abcdefg\xc0"),
             (0, 5, b"abcdefg\xc1"),
             (1, 5, b"abcdefg\xc0"),
@@ -243,6 +265,8 @@ mod tests {
             (0, 5, b"abcdefg\0\xc0"),
             (0, 5, b"\xc0"),
             (0, 5, b""),
+            (0, 5, b"abcdefghi\xc0"),
+            (0, 5, b"abcdefghi\xc3"), // the last word has nothing behind it
         ];
         let data: Vec<u8> = frames.iter().flat_map(|one| one.2.iter().copied()).collect();
         let ends = frames.iter().scan(0, |end, one| {
@@ -256,11 +280,11 @@ mod tests {
             data: &data,
         };
         let Identities { mut keys, tails } = columns.identities().unwrap();
-        assert_eq!(tails, [0xC0, 0xC1, 0xC0, 0xC0, 0xC0, 0xC0, 0xC0, -1]);
-        assert_eq!(keys[0], keys[1]);
+        assert_eq!(tails, [0xC0, 0xC1, 0xC0, 0xC0, 0xC0, 0xC0, 0xC0, -1, 0xC0, 0xC3]);
+        assert_eq!((keys[0], keys[8]), (keys[1], keys[9]));
         keys.sort_unstable();
         keys.dedup();
-        assert_eq!(keys.len(), 7);
+        assert_eq!(keys.len(), 8);
         assert_eq!(Columns { bus: &[0], ..columns }.identities(), None);
     }
 
@@ -275,6 +299,15 @@ mod tests {
             kinds_of(&[&[1][..], &[2; 10], &[1]].concat(), &[11]),
             [Kind::New],
             "too long ago"
+        );
+        let apart = batch(
+            &[&[7][..], &[9; 9], &[7, 7]].concat(),
+            &[&[1][..], &[5; 9], &[1, 1]].concat(),
+        );
+        assert_eq!(
+            kinds(&[&apart], &[11, 10], LIMITS),
+            [Kind::Once; 2],
+            "one of two too long ago, in any order"
         );
         let other = batch(&[1, 2], &[1, 1]);
         assert_eq!(kinds(&[&other], &[1], LIMITS), [Kind::New], "another key");

@@ -8,7 +8,7 @@
 //! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which
 //! transfers did not come, [`heard`] when nodes and their types were heard, [`paces`] where reports at a steady pace
 //! break, [`silences`] which frame came last before a time without any, [`alike`] which frames come again, [`load`] how
-//! long one takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key, [`runs`] occurrences
+//! long one takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key, [`seeded`] is how numbers are hashed, [`runs`] occurrences
 //! by what they are of, [`last_runs`] counts those that go on with a finding, [`rows`] writes the text of views, by
 //! templates, [`evidence`] frames of findings. None of them
 //! knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows
@@ -62,6 +62,7 @@ pub mod receive;
 pub mod remainders;
 pub mod rows;
 pub mod runs;
+pub mod seeded;
 pub mod session;
 pub mod session_code;
 pub mod sessions;

@@ -10,6 +10,7 @@ mod zeroed;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::groups::{MESSAGE, REQUEST};
+use crate::seeded::Seeded;
 use crate::transfers::anomaly::{ID_GAP, ID_RESTARTED};
 use common::CommonCounters;
 use zeroed::{Fall, ZeroedCounters};
@@ -80,12 +81,12 @@ pub struct Sums {
 /// Adds up gaps.
 #[derive(Clone, Debug, Default)]
 pub struct Losses {
-    sums: HashMap<u16, Sums>,
+    sums: HashMap<u16, Sums, Seeded>,
     common: CommonCounters,
-    known: HashSet<i64>,
+    known: HashSet<i64, Seeded>,
     zeroed: ZeroedCounters,
     /// Of each session, the ID in front of its last gap.
-    before: HashMap<i64, i64>,
+    before: HashMap<i64, i64, Seeded>,
 }
 
 impl Losses {
@@ -104,7 +105,7 @@ impl Losses {
         let common = self.common.between(of, &rows);
         let sessions: Vec<i64> = rows.iter().map(|&row| of.session(row)).collect();
         let firsts = self.firsts(&sessions);
-        let mut asked: HashSet<i64> = HashSet::new();
+        let mut asked: HashSet<i64, Seeded> = HashSet::default();
         let mut falls = Vec::with_capacity(rows.len());
         for (k, &row) in rows.iter().enumerate() {
             let missing = missing(of.step[row]);
@@ -140,7 +141,7 @@ impl Losses {
 
     /// Which gaps are the first ones of their sessions: a counter may have become a common one just then.
     fn firsts(&mut self, sessions: &[i64]) -> Vec<bool> {
-        let mut new = HashSet::new();
+        let mut new: HashSet<i64, Seeded> = HashSet::default();
         let firsts = sessions
             .iter()
             .map(|one| !self.known.contains(one) && new.insert(*one))
@@ -170,8 +171,14 @@ impl Losses {
 
     /// Takes the gaps of sessions that are asked about, and what is missing where they fell to 0; of their other gaps
     /// only the first one after a fall ends what it began.
-    fn zero(&mut self, of: &Columns<'_>, rows: &[usize], sessions: &[i64], (falls, asked): (&[i64], &HashSet<i64>)) {
-        let mut fell: HashMap<i64, bool> = HashMap::new();
+    fn zero(
+        &mut self,
+        of: &Columns<'_>,
+        rows: &[usize],
+        sessions: &[i64],
+        (falls, asked): (&[i64], &HashSet<i64, Seeded>),
+    ) {
+        let mut fell: HashMap<i64, bool, Seeded> = HashMap::default();
         for (k, &row) in rows.iter().enumerate() {
             let session = sessions[k];
             if !asked.contains(&session) {
@@ -203,7 +210,7 @@ fn missing(step: u8) -> i64 {
 }
 
 /// Takes over what is new, in order, while there is room.
-fn remember<T>(known: &mut HashMap<i64, T>, new: BTreeMap<i64, T>) {
+fn remember<T>(known: &mut HashMap<i64, T, Seeded>, new: BTreeMap<i64, T>) {
     for (session, value) in new {
         if known.contains_key(&session) || known.len() < MOST {
             known.insert(session, value);

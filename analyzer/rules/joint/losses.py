@@ -82,12 +82,14 @@ class JointLossSearch:
             lacks = waiting.lacks
             self._open[bus] = waiting._replace(lacks=lacks._replace(void=lacks.void | np.isin(lacks.behind, gone)))
         for bus in distinct(buses):
-            ours = new.take(np.flatnonzero(buses == bus))
+            ours = new.take(_together(np.flatnonzero(buses == bus)))
             since, took = self._silences.shorten(bus, ours.since, ours.until)
-            ours = ours._replace(since=since).take(np.flatnonzero(took <= LONGEST))
-            waiting = self._open.get(bus, _Waiting(LackRows.none(), np.zeros(0, bool)))
-            ours = ours.take(np.arange(min(len(ours.since), max(_MOST - len(waiting.told), 0))))
-            told = np.append(waiting.told, np.zeros(len(ours.since), bool))
+            ours = ours._replace(since=since).take(_together(np.flatnonzero(took <= LONGEST)))
+            waiting = self._open.get(bus) or _Waiting(LackRows.none(), np.zeros(0, bool))
+            room = max(_MOST - len(waiting.told), 0)
+            if len(ours.since) > room:
+                ours = ours.take(slice(room))
+            told = np.concatenate((waiting.told, np.zeros(len(ours.since), bool)))
             self._open[bus] = _Waiting(LackRows.joined([waiting.lacks, ours]), told)
 
     def _settle(self, view: View, now: int | None) -> JointLosses:
@@ -146,6 +148,10 @@ def _together(rows: Array) -> Array | slice:
     return rows
 
 
+_NONE = JointLosses._make([np.empty(0, np.int64)] * len(JointLosses._fields))
+
+
 def _joined(parts: Sequence[JointLosses]) -> JointLosses:
-    none = JointLosses._make([np.empty(0, np.int64)] * len(JointLosses._fields))
-    return JointLosses(*map(np.concatenate, zip(none, *parts, strict=True)))
+    if len(parts) < 2:
+        return parts[0] if parts else _NONE
+    return JointLosses(*map(np.concatenate, zip(_NONE, *parts, strict=True)))

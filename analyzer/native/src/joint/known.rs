@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::frames::NO_TIME;
 use crate::groups::{MESSAGE, REQUEST, RESPONSE};
+use crate::seeded::Seeded;
 use crate::session_code::{bus_of, is_service, node_of, of_message, of_service};
 use crate::transfers::Status;
 
@@ -57,10 +58,10 @@ impl Ended<'_> {
 /// Sessions by their numbers.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    since: HashMap<i64, i64>,
+    since: HashMap<i64, i64, Seeded>,
     /// Sessions of which one transfer is not enough to be known.
-    complete: HashSet<i64>,
-    defined: HashMap<i64, bool>,
+    complete: HashSet<i64, Seeded>,
+    defined: HashMap<i64, bool, Seeded>,
     nodes: HashMap<u8, BTreeMap<u32, i64>>,
 }
 
@@ -100,7 +101,7 @@ impl Known {
         if !ended.fits() {
             return Ok(None);
         }
-        let mut seen: HashMap<i64, u32> = HashMap::new();
+        let mut seen: HashMap<i64, u32, Seeded> = HashMap::default();
         for row in 0..ended.kind.len() {
             let good = ended.status[row] == Status::Ok as u8 && ended.t_end[row] != NO_TIME;
             let Some(session) = ended.session(row).filter(|session| good && !self.has(*session)) else {

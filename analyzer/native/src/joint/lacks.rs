@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use super::known::Known;
 use crate::frames::{ERROR, NO_TIME};
 use crate::heard::by_session::Sent;
+use crate::seeded::Seeded;
 use crate::session_code::{is_response, is_service, node_of};
 
 const START: u8 = 1 << 7;
@@ -120,7 +121,7 @@ struct Bus {
 pub struct Lacks {
     limits: Limits,
     pub known: Known,
-    last: HashMap<i64, Last>,
+    last: HashMap<i64, Last, Seeded>,
     buses: HashMap<u8, Bus>,
     found: Vec<Lack>,
 }
@@ -130,7 +131,7 @@ impl Lacks {
         Lacks {
             limits,
             known: Known::default(),
-            last: HashMap::new(),
+            last: HashMap::default(),
             buses: HashMap::new(),
             found: vec![],
         }
@@ -179,10 +180,13 @@ impl Lacks {
 
     /// Which sessions there is no room for: known ones go first, then those that were heard first.
     fn beyond(&self, sent: &Sent<'_>) -> Vec<bool> {
-        let unheard = |k: &usize| !self.last.contains_key(&sent.codes[*k]);
-        let mut new: Vec<usize> = (0..sent.codes.len()).filter(unheard).collect();
         let room = self.limits.sessions.saturating_sub(self.last.len());
         let mut beyond = vec![false; sent.codes.len()];
+        if sent.codes.len() <= room {
+            return beyond;
+        }
+        let unheard = |k: &usize| !self.last.contains_key(&sent.codes[*k]);
+        let mut new: Vec<usize> = (0..sent.codes.len()).filter(unheard).collect();
         if new.len() > room {
             new.sort_by_key(|&k| (!self.known.has(sent.codes[k]), sent.heard(k)));
             new[room..].iter().for_each(|&k| beyond[k] = true);
@@ -275,7 +279,7 @@ impl Lacks {
     pub fn take(&mut self) -> (Vec<Lack>, Vec<i64>) {
         let mut lacks = std::mem::take(&mut self.found);
         lacks.sort_by_key(|one| one.place_behind);
-        let mut latest_row: HashMap<i64, usize> = HashMap::new();
+        let mut latest_row: HashMap<i64, usize, Seeded> = HashMap::default();
         let mut gone = vec![];
         for k in 0..lacks.len() {
             let one = lacks[k];

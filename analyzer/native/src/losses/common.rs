@@ -5,14 +5,15 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::{remember, Columns, IDS, MOST, UNKNOWN};
 use crate::groups::MESSAGE;
+use crate::seeded::Seeded;
 
 #[derive(Clone, Debug, Default)]
 pub struct CommonCounters {
-    followed: HashSet<u16>,
+    followed: HashSet<u16, Seeded>,
     /// Of each node its last ID, and what was missing until then.
-    latest: HashMap<u16, (i64, i64)>,
+    latest: HashMap<u16, (i64, i64), Seeded>,
     /// Of each session what was missing until its last message.
-    until: HashMap<i64, i64>,
+    until: HashMap<i64, i64, Seeded>,
 }
 
 impl CommonCounters {
@@ -27,7 +28,7 @@ impl CommonCounters {
         if !rows.is_sorted_by_key(|&row| of.t[row]) {
             rows.sort_by_key(|&row| of.t[row]); // IDs are given at the start
         }
-        let mut wanted: HashMap<usize, i64> = gaps.iter().map(|&row| (row, UNKNOWN)).collect();
+        let mut wanted: HashMap<usize, i64, Seeded> = gaps.iter().map(|&row| (row, UNKNOWN)).collect();
         let mut until: BTreeMap<i64, i64> = BTreeMap::new();
         for row in rows {
             let id = i64::from(of.transfer_id[row]);

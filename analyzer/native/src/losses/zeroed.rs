@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use super::MOST;
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 
 /// In which two types of a node that are at 0 tell of a restart, in ns.
 const TOGETHER: i64 = 2_000_000_000;
@@ -31,10 +32,10 @@ struct Wrap {
 
 #[derive(Clone, Debug, Default)]
 pub struct ZeroedCounters {
-    lost: HashMap<u16, i64>,
+    lost: HashMap<u16, i64, Seeded>,
     /// Of each node, in the last seconds.
-    latest: HashMap<u16, Vec<Fall>>,
-    wraps: HashMap<i64, Wrap>,
+    latest: HashMap<u16, Vec<Fall>, Seeded>,
+    wraps: HashMap<i64, Wrap, Seeded>,
 }
 
 impl ZeroedCounters {
