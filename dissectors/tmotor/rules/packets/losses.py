@@ -37,8 +37,8 @@ class _Losses(NamedTuple):
         if at < len(self.lead):
             pairs = sorted([*zip(self.lead[at:], self.lost[at:], strict=True), *pairs], key=_LEAD)
             del self.lead[at:], self.lost[at:]
-        self.lead.extend(one for one, _ in pairs)
-        self.lost.extend(count for _, count in pairs)
+        for column, values in zip(self, zip(*pairs, strict=True), strict=True):
+            column.extend(values)
 
 
 class TransferLosses:
@@ -82,8 +82,7 @@ class TransferLosses:
         losses = self._lost.get((name, node))
         if losses is None:
             return False
-        low, high = (bisect_right(losses.lead, number) for number in between)
-        lost = losses.lost[low:high]
+        lost = losses.lost[bisect_right(losses.lead, between[0]) : bisect_right(losses.lead, between[1])]
         return _BROKEN in lost or 0 < missing <= sum(lost)
 
 
@@ -134,7 +133,7 @@ class KnownLosses:
 
     def before(self, names: Iterable[str], key: int, at: int) -> tuple[int, int]:
         """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
-        latest, name = max((self._before(name, key, at), name) for name in names)
+        latest, name = max([(self._before(name, key, at), name) for name in names])
         number, first = latest >> 16, self._transfers.first
         return number, self._transfers.lead.item(number - first) if number >= first else self._known.lead(name, key)
 
