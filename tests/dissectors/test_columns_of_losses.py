@@ -35,11 +35,14 @@ def test_a_histogram_takes_periods_out_of_its_range_as_the_shortest_and_the_long
     assert found.below(1.0) == pytest.approx(1e11, rel=2e-3)
 
 
-def test_the_oldest_stretches_of_a_node_become_one() -> None:
-    reports, node = MalformedReports(), ReportingEsc(0, 5, 0)
+@pytest.mark.parametrize("waits", [False, True])
+def test_the_oldest_stretches_of_a_node_become_one(waits: bool) -> None:
+    reports, node = MalformedReports(20), ReportingEsc(0, 5, 0)
     t = np.arange(2000) * 100
     for part in np.array_split(t, 3):
-        reports._note_all(np.zeros(len(part), np.uint8), np.full(len(part), 5), part, part + 10, 20)
+        reports._note(np.zeros(len(part), np.uint8), np.full(len(part), 5), part, part + 10)
+        if not waits:
+            reports._stretch()
     without = reports.between(node, 0, 200_000)
     assert len(without) == 1025
     assert without[:3] == [(0, 0), (97_610, 97_700), (97_710, 97_800)]
@@ -49,19 +52,28 @@ def test_the_oldest_stretches_of_a_node_become_one() -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_stretches_of_many_nodes_are_those_of_each(seed: int) -> None:
     chance = np.random.default_rng(seed)
-    reports, expected = MalformedReports(), dict[tuple[int, int], list[list[int]]]()
-    for _ in range(4):
+    reports, expected = MalformedReports(20), dict[tuple[int, int], list[list[int]]]()
+    for turn in range(4):
         bus, node = chance.integers(0, 2, 50).astype(np.uint8), chance.integers(1, 4, 50)
         first = chance.integers(0, 3000, 50)
         last = first + chance.integers(0, 30, 50)
-        reports._note_all(bus, node, first, last, 20)
+        reports._note(bus, node, first, last)
         for *who, since, until in zip(*(column.tolist() for column in (bus, node, first, last)), strict=True):
             known = expected.setdefault((who[0], who[1]), [])
             if known and known[-1][0] <= since <= known[-1][1] + 20:
                 known[-1][1] = max(known[-1][1], until)
             else:
                 known.append([since, until])
-    found = {who: [list(one) for one in zip(*known, strict=True)] for who, known in reports._stretches.items()}
+        for place, src in expected:  # what waits is told, and goes on waiting
+            told = reports._of(place << 7 | src)
+            assert told is not None
+            assert [list(one) for one in zip(*told, strict=True)] == expected[place, src]
+        if turn % 2:
+            reports._stretch()
+    found = {
+        (node >> 7, node & 0x7F): [list(one) for one in zip(*known, strict=True)]
+        for node, known in reports._stretches.items()
+    }
     assert found == expected
     assert list(found) == list(expected)
 
@@ -69,7 +81,7 @@ def test_stretches_of_many_nodes_are_those_of_each(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_lost_reports_are_counted_up_to_each_transfer(seed: int) -> None:
     chance, type_id, count = np.random.default_rng(seed), 1034, 80
-    reports, lost = MalformedReports(), dict[tuple[int, int], int]()
+    reports, lost = MalformedReports(20), dict[tuple[int, int], int]()
     for _ in range(3):
         t = pa.array(np.arange(count), pa.timestamp("ns"))
         steps = pa.array(chance.integers(0, 5, count).astype(np.uint8), mask=chance.random(count) < 0.2)
@@ -83,7 +95,7 @@ def test_lost_reports_are_counted_up_to_each_transfer(seed: int) -> None:
             settled=Settled(*(np.zeros(0, np.int64) for _ in range(2)), *(np.zeros(0, bool) for _ in range(7))),
             definition=lambda _: SimpleNamespace(type_id=type_id), table=lambda _: None,
         )  # fmt: skip
-        reports.feed(cast("Any", view), 20)
+        reports.feed(cast("Any", view))
         expected: dict[tuple[int, int], list[int]] = {(bus, src): [] for bus in range(3) for src in range(5)}
         rows = zip(columns["bus"], columns["src"], columns["type_id"], steps.to_pylist(), strict=True)
         for bus, src, kind, step in rows:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, by_key
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, by_key
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from dissectors.kit import Array, DecodedTable, View
+
+    _Place = Callable[[], Occurrence]  # where a report stands: few of those in doubt are told
 
 RESTARTS = ("uavcan.protocol.RestartNode.Request", "uavcan.protocol.file.BeginFirmwareUpdate.Request")
 ASKED = 10 * SECOND  # how long a restart may take that somebody asked for
@@ -94,9 +97,7 @@ class Uptimes(Rule):
         for row, bus, src, t, uptime in zip(rows.tolist(), *columns, strict=True):
             node, here = (bus, src), _Uptime(t, uptime)
             if node in self._two or node in self._doubts or here.seconds < self._seconds[_code(node)]:
-                frames = tuple(view.transfers.frames(int(table.row[row])))
-                place = Occurrence("BUS-021", here.t, *node, NODE_STATUS, frames, {}, lines=view.lines(frames))
-                yield from self._doubtful(node, here, place)
+                yield from self._doubtful(node, here, partial(_place, view, table, row))
             else:
                 self._note(node, here)
 
@@ -144,7 +145,7 @@ class Uptimes(Rule):
         wanted = any(NO_TIME not in (at, found.t) and 0 <= found.t - at <= ASKED for at in asked)
         return replace(found, severity="note") if wanted else found
 
-    def _doubtful(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+    def _doubtful(self, node: _Node, here: _Uptime, place: _Place) -> Iterator[Occurrence]:
         if node in self._two:
             yield from self._of_two(node, here, place)
             if node in self._two:
@@ -161,8 +162,9 @@ class Uptimes(Rule):
             if doubt.old_again and doubt.new_again:
                 del self._doubts[node]
                 self._two[node] = [doubt.old, doubt.new]
-                frames, lines = (*doubt.found.frames, *place.frames), (*doubt.found.lines, *place.lines)
-                yield _two(replace(place, frames=frames, lines=lines, t=doubt.found.t), doubt)
+                now, first = place(), doubt.found
+                frames, lines = (*first.frames, *now.frames), (*first.lines, *now.lines)
+                yield _two(replace(now, frames=frames, lines=lines, t=first.t), doubt.old, doubt.new)
                 return
             if doubt.seen < PATIENCE:
                 return
@@ -172,7 +174,7 @@ class Uptimes(Rule):
                 self._restarts.append(doubt.found)
         self._restart(node, here, place)
 
-    def _of_two(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+    def _of_two(self, node: _Node, here: _Uptime, place: _Place) -> Iterator[Occurrence]:
         """Look at a report while two devices are known; they are forgotten once one of them is gone."""
         two = self._two[node]
         mine = next((k for k in (1, 0) if two[k].runs_on(here.t, here.seconds)), None)
@@ -183,17 +185,16 @@ class Uptimes(Rule):
             return
         two[mine] = here
         if mine:
-            yield _two(place, _Doubt(place, two[0], two[1]))
+            yield _two(place(), *two)
 
-    def _restart(self, node: _Node, here: _Uptime, place: Occurrence) -> None:
+    def _restart(self, node: _Node, here: _Uptime, place: _Place) -> None:
         seconds, told = self._seconds.item(_code(node)), self._told.item(_code(node))
         last = here if seconds < 0 else _Uptime(told, seconds)
         self._note(node, here)
         if here.seconds >= last.seconds or (last.seconds >= WRAP - NEAR_WRAP and here.seconds < NEAR_WRAP):
             return
         values = {"before": last.seconds, "uptime": here.seconds}
-        found = replace(place, values=values)
-        self._doubts[node] = _Doubt(found, last, here, last.may_end(here.t, here.seconds))
+        self._doubts[node] = _Doubt(replace(place(), values=values), last, here, last.may_end(here.t, here.seconds))
 
 
 def _code(node: _Node) -> int:
@@ -201,6 +202,11 @@ def _code(node: _Node) -> int:
     return node[0] << _NODE_BITS | node[1]
 
 
-def _two(place: Occurrence, doubt: _Doubt) -> Occurrence:
-    evidence = f"two uptimes that both run on, {doubt.old.seconds} s and {doubt.new.seconds} s"
+def _place(view: View, table: DecodedTable, row: int) -> Occurrence:
+    """Return where a NodeStatus stands."""
+    return breach(view, table, row, "BUS-021", {}, held=True)
+
+
+def _two(place: Occurrence, old: _Uptime, new: _Uptime) -> Occurrence:
+    evidence = f"two uptimes that both run on, {old.seconds} s and {new.seconds} s"
     return replace(place, rule="BUS-010", type="", values={"evidence": evidence})

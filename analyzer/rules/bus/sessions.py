@@ -82,3 +82,9 @@ def node_of(codes: Array) -> Array:
     """Return the nodes of sessions by their codes."""
     found: Array = codes >> _KEY_BITS & _NODE
     return found
+
+
+def nodes_of(codes: Array) -> Array:
+    """Return buses and nodes of sessions by their codes, each in one number: the bus above 7 bits."""
+    found: Array = codes >> _KEY_BITS
+    return found

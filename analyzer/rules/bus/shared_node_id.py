@@ -27,7 +27,7 @@ class UniqueIds(Rule):
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Look at every answer to GetNodeInfo."""
         table = view.table(NODE_INFO)
-        if table is None:
+        if table is None or not table.good:
             return
         rows, values = table.inner("hardware_version", "unique_id")  # some answers end before it
         for row in distinct(rows[table.trusted[rows]]):

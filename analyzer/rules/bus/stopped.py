@@ -8,7 +8,7 @@ import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes, HeardSessions
-from analyzer.rules.bus.sessions import Session
+from analyzer.rules.bus.sessions import Session, nodes_of
 from analyzer.rules.recent import soon_gone
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, Pauses, Rule, Starts
 
@@ -85,10 +85,11 @@ class _Talks:
             lines = view.each_line(self.number[places]).tolist()
             self._lines.update(zip(places.tolist(), ((line,) if line else () for line in lines), strict=True))
 
-    def last(self, view: View, place: int) -> _Place:
-        """Return the last report."""
-        number = self.number.item(place)
-        return _Place(number, self._lines.get(place) or view.lines((number,)))
+    def last(self, view: View, places: Array) -> list[_Place]:
+        """Return the last reports of some."""
+        numbers = self.number[places]
+        lines = zip(places.tolist(), numbers.tolist(), view.each_line(numbers).tolist(), strict=True)
+        return [_Place(number, self._lines.get(place) or ((line,) if line else ())) for place, number, line in lines]
 
 
 class Stopped(Rule):
@@ -137,8 +138,9 @@ class Stopped(Rule):
         self._nodes.finish(self._pauses.last)
         buses = [Session.of(code).bus for code in self._talks.session.tolist()]
         until = [self._pauses.last.get(bus, last) for bus, last in zip(buses, self._paces.last.tolist(), strict=True)]
-        for place, found in self._paces.silences(np.array(until, np.int64)):
-            self._doubt(view, place, found, self._talks.last(view, place), ends=True)
+        silences = self._paces.silences(np.array(until, np.int64))
+        last = self._talks.last(view, np.array([place for place, _ in silences], np.int64))
+        self._doubt(view, [(*one, before) for one, before in zip(silences, last, strict=True)], ends=True)
         yield from self._judge(view, None)
 
     def _least(self, view: View) -> int:
@@ -147,24 +149,49 @@ class Stopped(Rule):
     def _break(self, view: View, begun: SessionBegins, breaks: Sequence[tuple[int, Break]]) -> None:
         """Keep breaks of sessions, of which each has its place among those that have begun something."""
         first = begun.size.cumsum() - begun.size
-        new = [begun.number.item(first.item(k) + found.at) for k, found in breaks if found.at >= 0]
-        lines = zip(new, view.each_line(np.array(new, np.int64)).tolist(), strict=True)
+        own = [(k, begun.place.item(k), found) for k, found in breaks]
+        own = [one for one in own if self._has_room(one[1])]
+        new = np.array([begun.number.item(first.item(k) + found.at) for k, _, found in own if found.at >= 0], np.int64)
+        lines = zip(new.tolist(), view.each_line(new).tolist(), strict=True)
         before = (_Place(number, (line,) if line else ()) for number, line in lines)
-        for k, found in breaks:
-            place = begun.place.item(k)
-            self._doubt(view, place, found, self._talks.last(view, place) if found.at < 0 else next(before))
+        old = iter(self._talks.last(view, np.array([place for _, place, found in own if found.at < 0], np.int64)))
+        self._doubt(view, [(place, found, next(old if found.at < 0 else before)) for _, place, found in own])
 
-    def _doubt(self, view: View, place: int, found: Break, last: _Place, *, ends: bool = False) -> None:
-        """Keep a break of a session behind its `last` report, if there is room."""
-        session, proved = Session.of(self._talks.session.item(place)), self._talks.code.item(place) >= 0
-        waiting = self._doubts if proved else self._unproved.setdefault(place, [])
-        if len(waiting) >= (_MOST if proved else _MOST_UNPROVED):
+    def _waiting(self, place: int) -> tuple[list[_Doubt], int]:
+        """Return the breaks that wait like those of a session, and how many may."""
+        if self._talks.code.item(place) >= 0:
+            return self._doubts, _MOST
+        return self._unproved.get(place, []), _MOST_UNPROVED
+
+    def _has_room(self, place: int) -> bool:
+        waiting, most = self._waiting(place)
+        return len(waiting) < most
+
+    def _doubt(self, view: View, breaks: Sequence[tuple[int, Break, _Place]], *, ends: bool = False) -> None:
+        """Keep breaks of sessions, by their places, each behind its last report, as long as there is room."""
+        if not breaks or self._nodes is None:
             return
+        places, found, _ = zip(*breaks, strict=True)
+        codes = self._talks.session[np.array(places)]
+        spans = np.array([(one.start, one.stop) for one in found], np.int64).T
+        begin, stop = self._nodes.longest(nodes_of(codes), *spans)
+        mostly = (stop - begin > _MOSTLY * (spans[1] - spans[0])).tolist()
+        for (place, one, last), code, silent in zip(breaks, codes.tolist(), mostly, strict=True):
+            if not self._has_room(place):
+                continue
+            session = Session.of(code)
+            meanwhile = self._meanwhile(view, session, one) if silent else ()
+            waiting, _ = self._waiting(place)
+            waiting.append(_Doubt(session, place, one, last, meanwhile, ends))
+            if waiting is not self._doubts:
+                self._unproved[place] = waiting
+
+    def _meanwhile(self, view: View, session: Session, found: Break) -> tuple[Gap, ...]:
+        """Return the gaps of a session's node that make up most of a break."""
         gaps = self._nodes.gaps(session.bus, session.node, found.start, found.stop) if self._nodes else []
         longest = _MOSTLY * (found.stop - found.start)
         mostly = [gap for gap in gaps if gap.stop - gap.start > longest]
-        meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in mostly)
-        waiting.append(_Doubt(session, place, found, last, meanwhile, ends))
+        return tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in mostly)
 
     def _prove(self, view: View) -> None:
         """Note the types of sessions; those that have none may be another protocol's."""

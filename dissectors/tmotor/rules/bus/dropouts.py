@@ -43,7 +43,7 @@ class Dropouts(Rule):
         self._pauses: Pauses | None = None
         self._starts = Starts()
         self._power_ons = PowerOns()
-        self._malformed = MalformedReports()
+        self._malformed: MalformedReports | None = None
         self._doubts: list[_Doubt] = []
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
@@ -51,8 +51,8 @@ class Dropouts(Rule):
         if view.start == NO_TIME:
             return
         least = round(view.number("BUS-025", "min_ms") * MILLISECOND)
-        if self._pauses is None or self._paces is None:
-            self._pauses = Pauses(least)
+        if self._pauses is None or self._paces is None or self._malformed is None:
+            self._pauses, self._malformed = Pauses(least), MalformedReports(least)
             periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
             self._paces = view.paced_reports(least, periods, int(fewest))
         self._pauses.feed(view)
@@ -60,10 +60,10 @@ class Dropouts(Rule):
         for one in self._power_ons.feed(view):
             self._starts.add(one.t, int(one.table.bus[one.row]), int(one.table.src[one.row]))
         self._note_rates(view)
-        self._malformed.feed(view, least)
+        self._malformed.feed(view)
         reports = esc_reports(view)
         if reports is not None:
-            self._breaks(view, reports, self._paces)
+            self._breaks(view, reports, self._paces, self._malformed)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
@@ -75,7 +75,7 @@ class Dropouts(Rule):
                 self._doubts.append(_Doubt(heard[k], found, self._heard[heard[k]]))
         yield from self._judge(view, None)
 
-    def _breaks(self, view: View, reports: EscReports, paces: PacedReports) -> None:
+    def _breaks(self, view: View, reports: EscReports, paces: PacedReports, malformed: MalformedReports) -> None:
         """Note times without reports of each ESC."""
         for esc in reports.escs:
             if len(self._places) < MOST_UNITS:
@@ -85,9 +85,7 @@ class Dropouts(Rule):
             return
         escs, size = [reports.escs[k] for k in some], (reports.first[1:] - reports.first[:-1])[some]
         rows = np.concatenate([reports.rows[reports.parts[k]] for k in some])
-        lost = self._malformed.lost(
-            [esc.bus for esc in escs], [esc.node for esc in escs], size, reports.table.row[rows]
-        )
+        lost = malformed.lost([esc.bus for esc in escs], [esc.node for esc in escs], size, reports.table.row[rows])
         places = np.array([self._places[esc] for esc in escs])
         for k, found in paces.feed(places, size, reports.table.t[rows], lost):
             at = reports.parts[some[k]].start + found.at
@@ -116,7 +114,7 @@ class Dropouts(Rule):
     def _judged(self, view: View, doubt: _Doubt, now: int) -> Iterator[Occurrence]:
         """Yield a break that nothing explains."""
         unit, found = doubt.unit, doubt.found
-        if found.may_be_slower(now) or self._pauses is None:
+        if found.may_be_slower(now) or self._pauses is None or self._malformed is None:
             return
         if self._starts.between(unit.bus, unit.node, found.start, found.stop, found.told):
             return

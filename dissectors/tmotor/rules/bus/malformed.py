@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, by_key, changes, usable
+from dissectors.kit import NO_TIME, NODES, by_key, changes, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
 _MESSAGE, _FOREIGN = 0, 1  # as tables count kinds and verdicts
 _TYPE = 0x1FFFF  # of an identifier's bits from 7 on: data type ID, and that it is a message
 _MOST = 1024  # stretches of a node
+_MOST_WAITING = 2048  # rows that are not yet made stretches: mostly nobody asks for these
 _NODE_BITS, _ROW_BITS = 7, 40
-
-_Node = tuple[int, int]
 
 
 class _Stretches(NamedTuple):
@@ -39,21 +38,46 @@ class _Stretches(NamedTuple):
             self.since[:oldest] = array("q", [min(self.since[:oldest])])
             self.until[:oldest] = array("q", [max(self.until[:oldest])])
 
+    def note(self, firsts: list[int], lasts: list[int], least: int) -> None:
+        """Add when reports began and ended, in their order; what follows within `least` ns is the same stretch."""
+        since, until = (self.since.pop(), self.until.pop()) if self.since else (firsts[0], lasts[0])
+        begins, ends = [], []
+        for first, last in zip(firsts, lasts, strict=True):
+            if since <= first <= until + least:
+                until = max(until, last)
+                continue
+            begins.append(since)
+            ends.append(until)
+            since, until = first, last
+        self.add([*begins, since], [*ends, until])
+
+
+class _Waiting(NamedTuple):
+    """Reports in their order: bus and node in one number, when they began, and when they ended."""
+
+    node: Array
+    first: Array
+    last: Array
+
 
 class MalformedReports:
     """ESCStatus of each node that cannot be read, in stretches, and transfer IDs that were left out.
 
-    A report that cannot be read names no index, so it is one of each index of its node.
+    A report that cannot be read names no index, so it is one of each index of its node. What follows within `least` ns
+    belongs to the same stretch.
     """
 
-    def __init__(self) -> None:
-        self._stretches: dict[_Node, _Stretches] = {}
-        self._lost: dict[int, int] = {}  # before this batch, by bus and node in one number
+    def __init__(self, least: int) -> None:
+        self._least = least
+        self._stretches: dict[int, _Stretches] = {}
+        self._waiting: list[_Waiting] = []  # what is not yet part of them
+        self._rows = 0  # in these
+        self._lost = np.zeros(NODES, np.int64)  # before this batch, by bus and node in one number
         # That number and the rows of this batch before which some were lost, in order, and how many up to each.
         self._steps, self._counts = np.empty(0, np.int64), np.zeros(1, np.int64)
 
-    def feed(self, view: View, least: int) -> None:
-        """Add a batch; what follows within `least` ns belongs to the same stretch."""
+    def feed(self, view: View) -> None:
+        """Add a batch."""
         self._add_steps()
         definition = view.definition("ESCStatus")
         if definition is None:
@@ -69,15 +93,18 @@ class MalformedReports:
         if table is not None:
             mine[table.row[usable(table)]] = False
         rows = np.flatnonzero(mine & (t.t != NO_TIME))
-        self._note_all(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows], least)
-        self._astray(view, definition.type_id, least)
+        self._note(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows])
+        self._astray(view, definition.type_id)
+        if self._rows >= _MOST_WAITING:
+            self._stretch()
 
     def _add_steps(self) -> None:
         """Make those of the last batch the ones before this one."""
+        if not len(self._steps):
+            return
         nodes = self._steps >> _ROW_BITS
-        for node in nodes[changes(nodes, -1)].tolist():
-            first, stop = (int(np.searchsorted(nodes, node, side)) for side in ("left", "right"))
-            self._lost[node] = self._lost.get(node, 0) + self._counts.item(stop) - self._counts.item(first)
+        first = changes(nodes, -1)
+        self._lost[nodes[first]] += self._counts[np.append(first[1:], len(nodes))] - self._counts[first]
         self._steps, self._counts = self._steps[:0], self._counts[:1]
 
     def lost(self, bus: Sequence[int], node: Sequence[int], size: Array, rows: Array) -> Array:
@@ -85,11 +112,11 @@ class MalformedReports:
 
         The transfers of each of some senders follow each other, so many of each.
         """
-        codes = [place << _NODE_BITS | src for place, src in zip(bus, node, strict=True)]
-        before = np.repeat(np.array([self._lost.get(code, 0) for code in codes], np.int64), size)
+        codes = np.array(bus, np.int64) << _NODE_BITS | np.array(node, np.int64)
+        before = np.repeat(self._lost[codes], size)
         if not len(self._steps):
             return before
-        begin = np.array(codes, np.int64) << _ROW_BITS
+        begin = codes << _ROW_BITS
         since = np.repeat(self._counts[np.searchsorted(self._steps, begin)], size)
         lost: Array = (
             before + self._counts[np.searchsorted(self._steps, np.repeat(begin, size) | rows, "right")] - since
@@ -99,49 +126,58 @@ class MalformedReports:
     def between(self, unit: ReportingEsc, start: int, stop: int) -> list[tuple[int, int]]:
         """Return the times from one to another without such reports."""
         begin, found = start, []
-        known = self._stretches.get((unit.bus, unit.node))
+        known = self._of(unit.bus << _NODE_BITS | unit.node)
         for first, last in () if known is None else sorted(zip(known.since, known.until, strict=True)):
             if last > begin and first < stop:
                 found.append((begin, max(first, begin)))
                 begin = last
         return [*found, (min(begin, stop), stop)]
 
-    def _astray(self, view: View, type_id: int, least: int) -> None:
+    def _of(self, node: int) -> _Stretches | None:
+        """Return the stretches of a node, with what waits."""
+        if len(self._stretches) + self._rows > MOST_UNITS:
+            self._stretch()  # only in their order it is known for whom there is room
+        known, late = self._stretches.get(node), [one for one in self._waiting if (one.node == node).any()]
+        if not late:
+            return known
+        found = _Stretches(array("q"), array("q")) if known is None else _Stretches(known.since[:], known.until[:])
+        for one in late:
+            mine = one.node == node
+            found.note(one.first[mine].tolist(), one.last[mine].tolist(), self._least)
+        return found
+
+    def _astray(self, view: View, type_id: int) -> None:
         """Note frames that belong to no transfer."""
         frames, late = view.frames, view.settled
         if frames.verdict.any():
             wanted = (frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1) & (frames.t != NO_TIME)
             rows = np.flatnonzero(wanted)
             t = frames.t[rows]
-            self._note_all(frames.bus[rows], frames.id[rows] & 0x7F, t, t, least)
+            self._note(frames.bus[rows], frames.id[rows] & 0x7F, t, t)
         wanted = late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1)
         late = late.of(wanted & (late.t != NO_TIME))
-        self._note_all(late.bus, late.id & 0x7F, late.t, late.t, least)
+        self._note(late.bus, late.id & 0x7F, late.t, late.t)
 
-    def _note_all(self, bus: Array, node: Array, first: Array, last: Array, least: int) -> None:
-        """Note when reports began and ended, in their order."""
-        if not len(bus):
+    def _note(self, bus: Array, node: Array, first: Array, last: Array) -> None:
+        """Keep when reports began and ended, in their order."""
+        if len(bus):
+            self._waiting.append(_Waiting(bus.astype(np.int64) << _NODE_BITS | node, first, last))
+            self._rows += len(bus)
+
+    def _stretch(self) -> None:
+        """Make stretches of what waits."""
+        if not self._waiting:
             return
-        order, begins = by_key(bus.astype(np.int64) << 8 | node)
-        since, until, leads = first[order].tolist(), last[order].tolist(), order[begins]
-        ends = [*begins[1:].tolist(), len(since)]
-        columns = (column.tolist() for column in (leads, begins, bus[leads], node[leads]))
-        for (_, begin, place, src), end in sorted(zip(zip(*columns, strict=True), ends, strict=True)):
-            self._note((place, src), since[begin:end], until[begin:end], least)
-
-    def _note(self, node: _Node, firsts: list[int], lasts: list[int], least: int) -> None:
-        known = self._stretches.get(node)
-        if known is None:
-            if len(self._stretches) >= MOST_UNITS:
-                return
-            known = self._stretches[node] = _Stretches(array("q"), array("q"))
-        since, until = (known.since.pop(), known.until.pop()) if known.since else (firsts[0], lasts[0])
-        begins, ends = [], []
-        for first, last in zip(firsts, lasts, strict=True):
-            if since <= first <= until + least:
-                until = max(until, last)
-                continue
-            begins.append(since)
-            ends.append(until)
-            since, until = first, last
-        known.add([*begins, since], [*ends, until])
+        every = _Waiting(*map(np.concatenate, zip(*self._waiting, strict=True)))
+        self._waiting, self._rows = [], 0
+        order, begins = by_key(every.node)
+        firsts, lasts, leads = every.first[order].tolist(), every.last[order].tolist(), order[begins]
+        ends = [*begins[1:].tolist(), len(firsts)]
+        columns = (column.tolist() for column in (leads, begins, every.node[leads]))
+        for (_, begin, node), end in sorted(zip(zip(*columns, strict=True), ends, strict=True)):
+            known = self._stretches.get(node)
+            if known is None:
+                if len(self._stretches) >= MOST_UNITS:
+                    continue
+                known = self._stretches[node] = _Stretches(array("q"), array("q"))
+            known.note(firsts[begin:end], lasts[begin:end], self._least)

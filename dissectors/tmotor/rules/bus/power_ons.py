@@ -47,13 +47,16 @@ _PACKETS, _ANSWERS = "power_on_count", "esc_startup_times"  # their columns
 
 
 class _Units(NamedTuple):
-    """Reports of one kind in a batch, one unit after the other: their keys, where each begins, and where it ends.
+    """Reports of one kind in a batch, one unit after the other: their keys, and where each begins.
 
-    Counts and runtimes are those of `rows`; `odd` are places where they do not go on as from the one before.
+    Counts and runtimes are those of `rows`; `begin` and `end` are time, count and runtime of the first one and the last
+    one of each unit, `odd` are places where they do not go on as from the one before.
     """
 
     keys: list[int]
     first: list[int]
+    begin: list[tuple[int, int, int]]
+    end: list[tuple[int, int, int]]
     rows: Array
     t: Array
     counts: Array
@@ -88,7 +91,12 @@ def _units(table: DecodedTable, rows: Array, which: Array, column: str) -> _Unit
     odd: list[list[int]] = [[] for _ in keys]
     for k, place in zip((np.searchsorted(begins, at, "right") - 1).tolist(), at.tolist(), strict=True):
         odd[k].append(place)
-    return _Units(keys, [*begins.tolist(), len(rows)], rows, table.t[rows], counts, ran, odd)
+    t = table.t[rows]
+    begin, end = (
+        list(zip(*(column[at].tolist() for column in (t, counts, ran)), strict=True))
+        for at in (begins, np.append(begins[1:], len(rows))[: len(begins)] - 1)
+    )
+    return _Units(keys, begins.tolist(), begin, end, rows, t, counts, ran, odd)
 
 
 class PowerOns:
@@ -110,11 +118,13 @@ class PowerOns:
 
     def _follow(self, table: DecodedTable, units: _Units, column: str) -> Iterator[PowerOn]:
         rows, t, counts, ran = units.rows, units.t, units.counts, units.ran
-        for unit, start, stop, odd in zip(units.keys, units.first[:-1], units.first[1:], units.odd, strict=True):
-            who, first = (unit >> 32, unit & 0xFFFFFFFF, column), counts.item(start)
-            last = self._last.get(who, _Count(t.item(start), first, ran.item(start), first))
+        for unit, start, begin, end, odd in zip(
+            units.keys, units.first, units.begin, units.end, units.odd, strict=True
+        ):
+            who, (at, first, runtime) = (unit >> 32, unit & 0xFFFFFFFF, column), begin
+            last = self._last.get(who) or _Count(at, first, runtime, first)
             best = last.best
-            for k in [start, *odd] if first != last.powered or ran.item(start) < last.runtime else odd:
+            for k in [start, *odd] if first != last.powered or runtime < last.runtime else odd:
                 since, now, powered = t.item(k - 1) if k > start else last.t, t.item(k), counts.item(k)
                 before, runtime = ran.item(k - 1) if k > start else last.runtime, ran.item(k)
                 more, most = (powered - best) % _WRAP, (now - since) // SECOND + _SLACK
@@ -124,7 +134,7 @@ class PowerOns:
                     yield PowerOn(table, rows.item(k), "runtime", before, runtime, since, now)
                 best = powered if more < _WRAP // 2 else best
             if who in self._last or len(self._last) < MOST_UNITS:
-                self._last[who] = _Count(t.item(stop - 1), counts.item(stop - 1), ran.item(stop - 1), best)
+                self._last[who] = _Count(*end, best)
 
 
 class Restarts(Rule):

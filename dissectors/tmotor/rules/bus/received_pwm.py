@@ -97,12 +97,18 @@ class _Claims:
 
     def note(self, claim: _Claim, who: int, number: int) -> None:
         """Add a transfer."""
-        if claim in self._first or len(self._first) < 4 * MOST_UNITS:
-            self._first.setdefault(claim, {}).setdefault(who, number)
+        known = self._first.get(claim)
+        if known is not None:
+            known.setdefault(who, number)
+        elif len(self._first) < 4 * MOST_UNITS:
+            self._first[claim] = {who: number}
 
     def others(self, claim: _Claim, who: int) -> int:
         """Return the first transfer of anybody else."""
-        return min((number for one, number in self._first.get(claim, {}).items() if one != who), default=_NEVER)
+        known = self._first.get(claim, {})
+        if len(known) == 1 and who in known:
+            return _NEVER
+        return min((number for one, number in known.items() if one != who), default=_NEVER)
 
 
 class ReceivedPwm(Rule):

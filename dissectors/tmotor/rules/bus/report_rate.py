@@ -134,8 +134,8 @@ def _measure(one: _Measured, reports: _Reports, who: tuple[int, int], span: tupl
         one.indexes[index] += stop - first
         one.first = begin if one.first == NO_TIME else one.first
         one.periods.feed(reports.periods[first:stop])
-        one.heard.feed(np.array([begin - one.latest.get(index, begin)]))
-        one.heard.feed(reports.apart[first + 1 : stop])
+        reports.apart[first] = begin - one.latest.get(index, begin)
+        one.heard.feed(reports.apart[first:stop])
         one.latest[index] = one.last
         one.counted += reports.counted.item(stop) - reports.counted.item(first)
         one.skipped += reports.skipped.item(stop) - reports.skipped.item(first)

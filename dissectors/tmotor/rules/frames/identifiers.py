@@ -18,15 +18,16 @@ _COMMANDS = (1030, 1033, 1038)
 _ESC_STATUS = 1034
 _REPORTS = (1039, 1332)  # only a node with the T-Motor dialect sends them
 _FOC_CTRL = 1035
-_MESSAGES = (0, 1)  # kinds, anonymous ones too
+_ANONYMOUS = 1  # the last kind of messages; services follow
 
 
 @rule("CAN-013")
 def priorities(view: View) -> Iterator[Occurrences]:
     """Find document types with another priority than 31 (4.3.1)."""
     transfers = view.transfers
-    rows = np.flatnonzero(transfers.priority != _LOWEST)
-    rows = rows[np.isin(transfers.kind[rows], _MESSAGES)]
+    rows = np.flatnonzero((transfers.priority != _LOWEST) & (transfers.kind <= _ANONYMOUS))
+    if not rows.size:
+        return
     types = transfers.type_id[rows]
 
     def found(mine: Array, **about: Any) -> Occurrences:
@@ -40,7 +41,7 @@ def priorities(view: View) -> Iterator[Occurrences]:
         ((_ESC_STATUS,), {"dialects": {"tm": "warning"}}),
         (_REPORTS, {"severity": "warning", "dialects": {"dronecan": "note"}}),
     ):
-        mine = rows[np.isin(types, chosen)]
+        mine = rows[np.logical_or.reduce([types == one for one in chosen])]
         if mine.size:
             yield found(mine, **about)
 
@@ -49,7 +50,6 @@ def priorities(view: View) -> Iterator[Occurrences]:
 def foc_ctrl(view: View) -> Iterator[Occurrences]:
     """Find type 1035, which V2.2 no longer has (6)."""
     transfers = view.transfers
-    rows = np.flatnonzero(transfers.type_id == _FOC_CTRL)
-    rows = rows[np.isin(transfers.kind[rows], _MESSAGES)]
+    rows = np.flatnonzero((transfers.type_id == _FOC_CTRL) & (transfers.kind <= _ANONYMOUS))
     if rows.size:
         yield view.among_transfers("CAN-016", rows, lambda _row: {})

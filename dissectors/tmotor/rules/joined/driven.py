@@ -118,6 +118,21 @@ def _priorities(view: View) -> list[Priority]:
     return sorted(said)
 
 
+_pwm: WeakKeyDictionary[View, _Told] = WeakKeyDictionary()
+
+
+def _prefers_pwm(view: View) -> _Told:
+    """Return when nodes of a batch said that PWM goes before CAN, or that it does not; several rules ask."""
+    if view not in _pwm:
+        said = priorities(view)
+        columns = (np.array(column, np.int64) for column in zip(*(one[:4] for one in said), strict=True))
+        _pwm[view] = _NOTHING
+        if said:
+            transfer, bus, node, priority = columns
+            _pwm[view] = _told(bus, node, transfer, priority == PWM)
+    return _pwm[view]
+
+
 class PwmPriority:
     """Nodes that say that PWM goes before CAN."""
 
@@ -126,9 +141,7 @@ class PwmPriority:
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
-        said = priorities(view)
-        transfer, bus, node, priority, _ = np.array(said, np.int64).reshape(-1, len(Priority._fields)).T
-        self._nodes.feed(_told(bus, node, transfer, priority == PWM) if said else _NOTHING)
+        self._nodes.feed(_prefers_pwm(view))
 
     def never(self, bus: int, node: int) -> bool:
         """Return whether PWM has priority in a node at no transfer."""

@@ -53,6 +53,7 @@ class ValidThrottle:
         self._t = np.full(CHANNELS, NO_TIME)
         self._value = np.zeros(CHANNELS, np.int64)
         self._last = np.full(CHANNELS, NO_CHANNEL, np.int64)
+        self._valid: tuple[RawCommands, Array | None] | None = None  # what was asked of the next commands
 
     def steady(self, gaps: CommandGaps | None, channel: int, until: int, longest: int) -> bool:
         """Return whether no two valid throttles of the next commands, nor the last one and a time, are far apart."""
@@ -71,13 +72,9 @@ class ValidThrottle:
             return before
         count, inside = np.searchsorted(sent.number, number), channel < np.int64(len(sent.cmd))
         cmd = sent.cmd if len(sent.cmd) else sent.channel(0)[None]
-        valid = cmd >= 0
         row = np.minimum(channel, len(cmd) - 1)
-        if valid.all():
-            latest = count
-        else:
-            earlier = np.maximum.accumulate(np.where(valid, np.arange(1, len(sent.t) + 1), 0), axis=1)
-            latest = np.where(count > 0, earlier[row, np.maximum(count, 1) - 1], 0)
+        valid = self._valid_up_to(sent, cmd)
+        latest = count if valid is None else np.where(count > 0, valid[row, np.maximum(count, 1) - 1], 0)
         latest = np.where(inside, latest, 0)
         at, last = np.maximum(latest, 1) - 1, np.maximum(count, 1) - 1
         return LastThrottle(
@@ -85,12 +82,21 @@ class ValidThrottle:
             np.where(count > 0, np.where(inside, cmd[row, last], NO_CHANNEL), before.last),
         )  # fmt: skip
 
+    def _valid_up_to(self, sent: RawCommands, cmd: Array) -> Array | None:
+        """Return of each channel the place, from 1, of the last valid throttle up to each command; None: all are."""
+        if self._valid is None or self._valid[0] is not sent:
+            valid = cmd >= 0
+            places = np.arange(1, len(sent.t) + 1)
+            self._valid = sent, (None if valid.all() else np.maximum.accumulate(np.where(valid, places, 0), axis=1))
+        return self._valid[1]
+
     @property
     def _columns(self) -> tuple[Array, Array, Array]:
         return self._t, self._value, self._last
 
     def feed(self, sent: RawCommands) -> None:
         """Make the next commands the last ones."""
+        self._valid = None
         cmd = sent.cmd[:CHANNELS]
         self._last[:] = NO_CHANNEL
         self._last[: len(cmd)] = cmd[:, -1]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, doubtful, groups, sender, sound, usable
+from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, doubtful, groups, sound, usable
 from dissectors.tmotor.rules.packets.carried import LONGEST
 
 if TYPE_CHECKING:
@@ -31,33 +31,56 @@ class _Origin(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """Rows of one message or packet: node, time, a column for each field, number of the transfer, in what doubt."""
+    """Rows of one message or packet: what they are, and a row of numbers for each field.
 
-    node: Array
-    t: Array
-    values: Array  # fields x rows
-    transfer: Array
-    unsure: Array  # whether its byte order is not proved
+    `whole` are node, time, number of the transfer, and whether the byte order is not proved: int64.
+    """
+
+    whole: Array
+    values: Array
+
+    @property
+    def node(self) -> Array:
+        found: Array = self.whole[0].astype(np.uint16)
+        return found
+
+    @property
+    def t(self) -> Array:
+        found: Array = self.whole[1]
+        return found
+
+    @property
+    def transfer(self) -> Array:
+        found: Array = self.whole[2]
+        return found
+
+    @property
+    def unsure(self) -> Array:
+        found: Array = self.whole[3].astype(bool)
+        return found
 
     def take(self, rows: Array) -> _Rows:
-        return _Rows(self.node[rows], self.t[rows], self.values[:, rows], self.transfer[rows], self.unsure[rows])
+        return _Rows(self.whole.take(rows, axis=1), self.values.take(rows, axis=1))
 
     def join(self, other: _Rows) -> _Rows:
-        return _Rows(*(np.concatenate(pair, axis=-1) for pair in zip(self, other, strict=True)))
+        return _Rows(*(np.concatenate(pair, axis=1) for pair in zip(self, other, strict=True)))
 
 
 def _none() -> _Rows:
-    whole = np.empty(0, np.int64)
-    return _Rows(np.empty(0, np.uint16), whole, np.empty((len(_FIELDS), 0)), whole, np.empty(0, bool))
+    return _Rows(np.empty((4, 0), np.int64), np.empty((len(_FIELDS), 0)))
 
 
 def _timed(table: DecodedTable, good: Array, names: Sequence[str]) -> _Rows:
     """Return good rows of a table that have a time, with some of its columns."""
     rows = (good & (table.t != NO_TIME)).nonzero()[0]
-    values = np.array([table[name][rows] for name in names], np.float64)
     unsure = doubtful(table, rows)
-    unsure = np.zeros(len(rows), bool) if unsure is None else unsure
-    return _Rows(sender(table, rows), table.t[rows], values, table["transfer"][rows].astype(np.int64), unsure)
+    whole, values = np.empty((4, len(rows)), np.int64), np.empty((len(names), len(rows)))
+    for place, column in enumerate((table.sender, table.t, table["transfer"])):
+        whole[place] = column[rows]
+    whole[3] = 0 if unsure is None else unsure
+    for place, name in enumerate(names):
+        values[place] = table[name][rows]
+    return _Rows(whole, values)
 
 
 class StatusAgreement(Rule):
@@ -168,11 +191,12 @@ class _Ordered(NamedTuple):
 
 def _by_node(rows: _Rows) -> _Ordered:
     """Sort by node, then time; those of a node come in order unless the clock was set back."""
-    order = np.argsort(rows.node, kind="stable")
-    node, t = rows.node[order], rows.t[order]
+    nodes = rows.node
+    order = np.argsort(nodes, kind="stable")
+    node, t = nodes[order], rows.t[order]
     if ((t[1:] < t[:-1]) & (node[1:] == node[:-1])).any():
-        order = np.lexsort((rows.t, rows.node))
-        node, t = rows.node[order], rows.t[order]
+        order = np.lexsort((rows.t, nodes))
+        node, t = nodes[order], rows.t[order]
     return _Ordered(order, node, t)
 
 

@@ -52,8 +52,9 @@ class CountSteps:
         Of a sender whose reading is `chosen`, by carrier and node, only that one tells.
         """
         hits: list[Hit] = []
-        for name in sorted({carrier(table) for table in tables}):
-            own = [table for table in tables if carrier(table) == name]
+        carriers = [carrier(table) for table in tables]
+        for name in sorted({*carriers}):
+            own = [table for table, other in zip(tables, carriers, strict=True) if other == name]
             hits += self._of_carrier(name, own, {node: one for (other, node), one in chosen.items() if other == name})
         return sorted(hits, key=lambda hit: hit.place)
 
@@ -80,7 +81,7 @@ class CountSteps:
             at = rows[found]
             columns = place(table)[at], at, unit_key(table)[at], *steps[:, found]
             for where, row, key, *told in zip(*(column.tolist() for column in columns), strict=True):
-                yield Hit(where, table, row, key, tuple(None if step == _NONE else step for step in told))
+                yield Hit(where, table, row, key, tuple([None if step == _NONE else step for step in told]))
 
     def _note_names(self, name: str, tables: Sequence[DecodedTable]) -> set[str]:
         """Return the packets of a carrier so far: as long as they are of one kind, they need no count of their own."""

@@ -87,7 +87,7 @@ def leftovers(view: View) -> Iterator[Occurrence]:
     """Find bytes that are no packet, packets that end early or late, and packets that the document does not have."""
     for name in HEADERS:
         table = view.table(name)
-        if table is None:
+        if table is None or not table.good:
             continue
         odd = _odd(view, name)
         if odd.size:
