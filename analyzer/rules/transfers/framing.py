@@ -178,7 +178,8 @@ def _followed(view: View, rows: Array) -> Array:
     short = np.zeros(len(places) + 1, np.int64)
     (f.length[numbers[places].astype(np.int64) - f.first] <= room).cumsum(out=short[1:])
     found[left] = short[ends[1:]] > short[ends[:-1]]
-    return rows[found]
+    followed: Array = rows[found]
+    return followed
 
 
 def _last(view: View, row: int) -> Values:
