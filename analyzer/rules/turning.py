@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, RunningTime, sender, usable
+from dissectors.kit import NO_TIME, NODES, SECOND, RunningTime, sender, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dissectors.kit import DecodedTable, View
 
 _NODE_BITS = 7
+_UNKNOWN = -1
 
 _Step = tuple[int, int, int, bool]  # number of the transfer, its time, the sender, whether its motor turns from then on
 
@@ -25,6 +26,7 @@ class Turning:
     def __init__(self, registry: Registry) -> None:
         self._columns = {message.table: message.turns for message in registry.turning()}
         self.nodes: dict[int, bool] = {}  # sender: whether its motor turns
+        self._last = np.full(NODES, _UNKNOWN, np.int8)  # the same of every sender
         self._count: dict[int, int] = {}  # of turning motors, by bus
         self._running = RunningTime()
 
@@ -53,11 +55,12 @@ class Turning:
         """Yield the rows in which a motor begins or stops to turn."""
         rows = np.flatnonzero(usable(table) & (table.t != NO_TIME))
         nodes, on = sender(table, rows), table[column][rows] != 0
-        for node in np.unique(nodes).tolist():
+        for node in np.unique(nodes[self._last[nodes] != on]).tolist():
             mine = np.flatnonzero(nodes == node)
             before = self.nodes.get(node, False)
             changed = mine[on[mine] != np.concatenate(([before], on[mine][:-1]))]
             self.nodes[node] = bool(on[mine[-1]])
+            self._last[node] = on[mine[-1]]
             for k in changed.tolist():
                 yield int(table["transfer"][rows[k]]), int(table.t[rows[k]]), node, bool(on[k])
 

@@ -91,6 +91,8 @@ class Foreign(Rule):
     def _correct(self, view: View) -> None:
         """Correct frames of earlier batches that are foreign after all, or are not."""
         one = view.settled
+        if not len(one.number):
+            return
         self._marked += one.number[one.anomaly & _CYPHAL != 0].tolist()
         self._cleared += one.number[one.verdict != _FOREIGN].tolist()
         late = one.of(np.flatnonzero((one.verdict == _FOREIGN) & one.known & (one.flags & EXTENDED != 0)))

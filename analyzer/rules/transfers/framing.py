@@ -30,8 +30,8 @@ _ORPHAN = tuple(VERDICTS.index(name) for name in ("wrong transfer id", "orphan")
 _OK = STATUSES.index("ok")
 _USED = VERDICTS.index("used")
 _BEFORE = 48  # frames of a session among which a copy finds the one that it is of
-_SOUND = tuple(STATUSES.index(name) for name in ("ok", "unchecked"))
-_COMPLETE = (*_SOUND, STATUSES.index("bad crc"))
+_SOUND = np.array([name in {"ok", "unchecked"} for name in STATUSES])
+_COMPLETE = _SOUND | np.array([name == "bad crc" for name in STATUSES])
 _SINGLE_WITH_TOGGLE = TAIL_START | TAIL_END | TAIL_TOGGLE
 _MARKED = 100.0  # ms; the core marks longer pauses
 _MOST = 4  # frames that are named in a line
@@ -39,14 +39,14 @@ NEAR = 4096  # frames that are looked through for the other one of two transfers
 
 
 class _Bit(NamedTuple):
-    """A rule, the bit of the core that shows its breaches, and what is said of one. `only`: of these statuses."""
+    """A rule, the bit of the core that shows its breaches, and what is said of one. `only`: a mask of statuses."""
 
     rule: str
     bit: str
     values: Callable[[View, int], Values]
     severity: Severity | None = None
     drops: bool = False
-    only: tuple[int, ...] = ()
+    only: Array | None = None
 
 
 @rule("TRF-001", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
@@ -54,15 +54,14 @@ def measured(view: View) -> Iterator[Occurrences]:
     """Find what the core marked as it put transfers together."""
     t = view.transfers
     every = int(np.bitwise_or.reduce(t.anomaly))
-    for one in _BITS:
-        bit = 1 << TRANSFER_ANOMALIES.index(one.bit)
+    for bit, one in _BITS:
         if not every & bit:
             continue
         rows = flagged(t.anomaly, bit)
         if one.rule == "TRF-012":
             rows = _followed(view, rows)
-        if one.only:
-            rows = rows[np.isin(t.status[rows], one.only)]
+        if one.only is not None:
+            rows = rows[one.only[t.status[rows]]]
         about = partial(one.values, view)
         if one.rule == "TRF-026":
             orphans = _only_orphans(view, rows)
@@ -166,20 +165,21 @@ def _followed(view: View, rows: Array) -> Array:
     If it is the last, the end is missing and not a byte.
     """
     t, f = view.transfers, view.frames
-    found = np.isin(t.status[rows], _COMPLETE)
-    left = (~found).nonzero()[0]
+    offsets, numbers = t.frame_lists
+    found = _COMPLETE[t.status[rows]]
+    left = (~found & (offsets[rows + 1] - offsets[rows] > 1)).nonzero()[0]
     here = t.lead[rows[left]] >= f.first
     for k in left[~here].tolist():
         found[k] = _part_full(view, rows.item(k))["frame"] != GONE
     left = left[here]
-    offsets, numbers = t.frame_lists
     begin, end = offsets[rows[left]], offsets[rows[left] + 1] - 1
     ends, places = placed(begin, end - begin)
     room = np.where(t.fd[rows[left]], *ROOM).repeat(end - begin)
     short = np.zeros(len(places) + 1, np.int64)
     (f.length[numbers[places].astype(np.int64) - f.first] <= room).cumsum(out=short[1:])
     found[left] = short[ends[1:]] > short[ends[:-1]]
-    return rows[found]
+    followed: Array = rows[found]
+    return followed
 
 
 def _last(view: View, row: int) -> Values:
@@ -272,14 +272,17 @@ def _in_turn(view: View, row: int) -> Values:
     return values
 
 
-_BITS = (
-    _Bit("TRF-001", "single toggle", _tail),
-    _Bit("TRF-007", "slow", _took, severity="note", only=_COMPLETE),
-    _Bit("TRF-008", "cut by end", _received),
-    _Bit("TRF-012", "frame not full", _part_full),
-    _Bit("TRF-013", "last frame empty", _last),
-    _Bit("TRF-014", "first frame too short", _first),
-    _Bit("TRF-015", "needless multi", _length, only=_SOUND),
-    _Bit("TRF-026", "interleaved", _in_turn, drops=True),
-    _Bit("TRF-029", "long", _length),
+_BITS = tuple(
+    (1 << TRANSFER_ANOMALIES.index(one.bit), one)
+    for one in (
+        _Bit("TRF-001", "single toggle", _tail),
+        _Bit("TRF-007", "slow", _took, severity="note", only=_COMPLETE),
+        _Bit("TRF-008", "cut by end", _received),
+        _Bit("TRF-012", "frame not full", _part_full),
+        _Bit("TRF-013", "last frame empty", _last),
+        _Bit("TRF-014", "first frame too short", _first),
+        _Bit("TRF-015", "needless multi", _length, only=_SOUND),
+        _Bit("TRF-026", "interleaved", _in_turn, drops=True),
+        _Bit("TRF-029", "long", _length),
+    )
 )

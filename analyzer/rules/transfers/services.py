@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from itertools import accumulate, islice, pairwise
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -14,13 +14,13 @@ from analyzer.rules.bus.heard import HeardNodes
 from analyzer.rules.recent import MOST_LINES, NO_FRAME, soon_gone
 from analyzer.rules.transfers.lists import Lists
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, all_resumed, by_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from analyzer._native import Cells
-    from dissectors.kit import Array, Severity, TransferTable, Values, View
+    from dissectors.kit import Array, TransferTable, View
 
 REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
@@ -37,7 +37,8 @@ _SIZE = 8  # bytes of the number of a frame
 # Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
 _SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 
-_STRAY, _MISSED, _SLOW, _REPEATED, _PRIORITY = range(5)  # what the core says of a transfer
+_STRAY, _MISSED, _SLOW, _REPEATED = range(4)  # what the core says of a transfer, or that its priority is another one
+_RULES = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 
 
 class _Parts:
@@ -105,10 +106,23 @@ class _Parts:
         """Return the numbers of the frames of one."""
         return tuple(np.frombuffer(self._frames[k], np.int64).tolist())
 
-    def evidence(self, view: View, k: int) -> tuple[str, ...]:
-        """Return one as candump writes it."""
-        kept: str | None = self._lines[k]
-        return view.lines(self.frames(k)) if kept is None else tuple(kept.splitlines())
+    def told(self) -> list[list[int]]:
+        """Return times, ends, buses, senders, destinations, types, priorities and transfer IDs."""
+        found: list[list[int]] = self._cells[:-2].tolist()
+        return found
+
+    def evidence(self, view: View) -> Callable[[int], tuple[str, ...]]:
+        """Return what gives each as candump writes it, when its frames may be gone."""
+        pairs = zip(self._frames, self._lines, strict=True)
+        some = [numbers[: MOST_LINES * _SIZE] if kept is None else b"" for numbers, kept in pairs]
+        ends = [end // _SIZE for end in accumulate(map(len, some), initial=0)]
+        every = view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist()
+
+        def lines(k: int) -> tuple[str, ...]:
+            kept: str | None = self._lines[k]
+            return tuple(kept.splitlines() if kept is not None else filter(None, every[ends[k] : ends[k + 1]]))
+
+        return lines
 
     def keep_lines(self, view: View, end: int) -> None:
         """Keep the lines of those that begin before frame `end`."""
@@ -129,7 +143,7 @@ class Services(Rule):
     response that may have been sent, but is held back.
     """
 
-    rules: ClassVar[tuple[str, ...]] = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
+    rules: ClassVar[tuple[str, ...]] = _RULES
 
     def __init__(self) -> None:
         self._calls = Calls(ANSWER, SLOW, OPEN, LATE, MOST, MOST_LINKS)
@@ -193,7 +207,6 @@ class Services(Rule):
         old, new = (names < begin).nonzero()[0], (names >= begin).nonzero()[0]
         found = _Parts.blank(len(names))
         found.put(old, self._kept.take(names[old]))
-        found.keep_lines(view, NO_FRAME)
         found.put(new, _Parts.of(view.transfers, rows[names[new] - begin]))
         return found
 
@@ -203,21 +216,11 @@ class Services(Rule):
         if not len(kind):
             return
         parts = self._parts(view, rows, np.concatenate((part, other[other >= 0])))
-        part, other = np.arange(len(part)), np.cumsum(other >= 0) - 1 + len(part)
-        single = kind != _MISSED
-        for what, k, beside in zip(*(column[single].tolist() for column in (kind, part, other)), strict=True):
-            transfer_id, priority = parts.transfer_id.item(k), parts.priority.item(k)
-            if what == _STRAY:
-                yield from _stray(view, parts, k, transfer_id)
-            elif what == _SLOW:
-                seconds = (parts.t_end.item(k) - parts.t_end.item(beside)) / SECOND
-                yield _about(view, "TRF-023", parts, k, {"seconds": seconds}, beside)
-            elif what == _REPEATED:
-                yield _about(view, "TRF-024", parts, k, {"transfer_id": transfer_id}, beside)
-            else:
-                values = {"expected": parts.priority.item(beside), "priority": priority}
-                yield _about(view, "TRF-025", parts, k, values, beside)
-        missed = part[~single]
+        beside = np.cumsum(other >= 0) - 1 + len(part)
+        missed = (kind == _MISSED).nonzero()[0]
+        if len(missed) < len(kind):
+            rows = (kind != _MISSED).nonzero()[0]
+            yield from _each(view, parts, kind[rows].tolist(), rows.tolist(), beside[rows].tolist())
         if len(missed):
             yield from self._unanswered(view, parts.take(missed))
 
@@ -237,7 +240,7 @@ class Services(Rule):
             type=missed.code, frame=missed.first,
             values=lambda k: {"dst": missed.dst.item(k), "limit_s": ANSWER / SECOND},
             frames=missed.frames, drops=True, until=until[rows], each_named=True,
-            lines=lambda k: missed.evidence(view, k),
+            lines=missed.evidence(view),
         )  # fmt: skip
 
 
@@ -250,25 +253,37 @@ def _given(t: TransferTable, rows: Array) -> tuple[Array, ...]:
     return link, t.lead[rows], t.t[rows], t.t_end[rows], *(column.astype(np.uint8) for column in small)
 
 
-def _stray(view: View, parts: _Parts, k: int, transfer_id: int) -> Iterator[Occurrence]:
-    """Yield a response without a request, unless that was before a window began."""
-    t = parts.t.item(k)
-    begun = NO_TIME if t == NO_TIME else max(view.starts[parts.bus.item(k)], view.resumed(t))
-    early = t == NO_TIME or t - begun < OPEN
-    if early and view.cut_in:
-        return
-    values = {"transfer_id": transfer_id, "dst": parts.dst.item(k)}
-    severity: Severity | None = "note" if early else None
-    yield _about(view, "TRF-021", parts, k, values, severity=severity, drops=True, since=t - OPEN)
+def _each(
+    view: View, parts: _Parts, kinds: Iterable[int], rows: Iterable[int], others: Iterable[int]
+) -> Iterator[Occurrence]:
+    """Yield what is said of transfers, one by one; others are those that they are compared with."""
+    lines, early = parts.evidence(view), _early(view, parts).tolist()
+    t, t_end, bus, src, dst, code, priority, transfer_id = parts.told()
+    names = {one: view.type_name(one) for one in set(code)}
+    for kind, k, other in zip(kinds, rows, others, strict=True):
+        whose = _RULES[kind], t[k], bus[k], src[k] or None, names[code[k]]
+        if kind == _STRAY:
+            if early[k] and view.cut_in:
+                continue
+            yield Occurrence(
+                *whose, parts.frames(k), {"transfer_id": transfer_id[k], "dst": dst[k]}, lines=lines(k),
+                severity="note" if early[k] else None, drops=True, since=t[k] - OPEN,
+            )  # fmt: skip
+            continue
+        if kind == _SLOW:
+            values = {"seconds": (t_end[k] - t_end[other]) / SECOND}
+        elif kind == _REPEATED:
+            values = {"transfer_id": transfer_id[k]}
+        else:
+            values = {"expected": priority[other], "priority": priority[k]}
+        frames = (*parts.frames(k), *parts.frames(other))
+        yield Occurrence(*whose, frames, values, lines=(*lines(k), *lines(other)))
 
 
-def _about(
-    view: View, rule: str, parts: _Parts, k: int, values: Values, other: int | None = None, **more: Any
-) -> Occurrence:
-    """Return one breach, with the transfer it is compared with behind it."""
-    frames, lines = parts.frames(k), parts.evidence(view, k)
-    if other is not None:
-        frames, lines = (*frames, *parts.frames(other)), (*lines, *parts.evidence(view, other))
-    type_ = view.type_name(parts.code.item(k))
-    who = parts.t.item(k), parts.bus.item(k), parts.src.item(k) or None
-    return Occurrence(rule, *who, type_, frames, values, lines=lines, **more)
+def _early(view: View, parts: _Parts) -> Array:
+    """Return a mask of transfers close behind the begin of their bus, or a gap, or without a time."""
+    timed = parts.t != NO_TIME
+    starts = np.array([view.starts.get(bus, NO_TIME) for bus in range(int(parts.bus.max()) + 1)], np.int64)
+    begun = np.maximum(starts[parts.bus], all_resumed(view, parts.t))
+    early: Array = parts.t - np.where(timed, begun, NO_TIME) < OPEN
+    return early
