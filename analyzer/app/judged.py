@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.app.process.start import return_columns
 from analyzer.app.process.threads import beside
+from analyzer.decode.core import BATCH_ROWS
 from analyzer.facts.frame_marks import MarksError, marks_beside
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check
@@ -64,6 +66,8 @@ class JudgedRun:
             part.hashed = True
         try:
             for measured in self._check.measured(decoded):
+                if len(measured.batch.frames) < BATCH_ROWS:  # much is wrong, or it is the last one
+                    return_columns()
                 self._check.feed(measured)
                 yield measured
                 del measured  # else it would be there while the next one is made

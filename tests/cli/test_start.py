@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import subprocess
 import sys
 from importlib import metadata
@@ -233,3 +234,30 @@ def test_garbage_is_looked_for_once_the_start_is_over(first: str, threshold: int
         [sys.executable, "-c", script], env=environment(), capture_output=True, text=True, timeout=LIMIT, check=True
     )
     assert done.stdout == f"{threshold} True\n"
+
+
+MAPPED = """
+import ctypes
+from analyzer.app.process import start
+start.alone()
+start.keep_memory()
+AND
+class Taken(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_size_t) for name in "abcdefghij"]
+libc = ctypes.CDLL(None)
+libc.mallinfo2.restype = Taken
+libc.malloc.restype = ctypes.c_void_p
+before = libc.mallinfo2().e
+libc.malloc(1 << 20)
+print(libc.mallinfo2().e - before >= 1 << 20)
+"""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="another C library")
+@pytest.mark.parametrize(("then", "given_back"), [("", False), ("start.return_columns()", True)])
+def test_columns_are_given_back_to_the_system_once_that_is_asked_for(then: str, given_back: bool) -> None:
+    script = MAPPED.replace("AND", then)
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment(), capture_output=True, text=True, timeout=LIMIT, check=True
+    )
+    assert done.stdout == f"{given_back}\n"

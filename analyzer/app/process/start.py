@@ -20,6 +20,7 @@ _USUAL, _IN_SESSIONS = (400_000, 20, 10), (3_000, 4, 2)
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # malloc.h of glibc
 _KEPT, _LARGE = 64 << 20, 32 << 20  # bytes that are free at the top; bytes of what the system is asked for alone
 _SMALL = 64 << 10
+_MIDDLE = 256 << 10  # where much lives on between what is freed, which leaves holes that nothing else fits into
 _OLDEST = 2  # generation of garbage
 _ARENAS = 2  # whatever the number of threads: what one of them has freed another one takes
 
@@ -69,6 +70,17 @@ def keep_memory(arenas: int = _ARENAS) -> None:
     every page of it is cleared once more, and each time all threads wait.
     """
     _tune(_KEPT, _LARGE, arenas)
+
+
+def return_columns() -> None:
+    """Give back freed columns, where nobody else uses the process: for captures full of faults.
+
+    What is told of the faults lives on between the columns of a batch: what these leave behind is too small for the
+    next ones, whose clearing costs little beside judging them.
+    """
+    mallopt = _of_libc("mallopt")
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, _MIDDLE)
 
 
 def return_memory() -> None:
