@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 BUS = "can0"
 QUEUE = 8 << 20  # bytes
 WARM = 2.0  # seconds
-LONGEST = 2.0  # seconds between two batches, as live -q
+LONGEST = 4.0  # seconds between two batches, as live -q
 TIMESTAMPNS = 35
 RATE = 252  # status messages a second of each ESC: 7,600 frames
 FULL = 7_600  # frames a second of a bus that is full of faults

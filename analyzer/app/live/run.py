@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Report
 
 # Seconds between two batches: as a rule, and at most where judging them takes long.
-_INTERVALS = {"list": (0.2, 0.5), "monitor": (0.4, 1.0), "browser": (0.4, 1.0), "quiet": (0.5, 2.0)}
+_INTERVALS = {"list": (0.2, 0.5), "monitor": (0.4, 1.0), "browser": (0.4, 1.0), "quiet": (0.5, 4.0)}
 _AT_ONCE = (0.1, 0.1)
 
 
