@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-# A batch waits so many times as long as the last one took: judging and showing are 4 % of the time then, 5 us a frame on
-# a full bus.
+# A batch waits so many times as long as the last one took: judging and showing are 4 % of the time then, which is 5 us
+# a frame on a full bus.
 _PATIENCE = 24
 # By how much it may be longer than the last one: a single batch that was slow makes no long one.
 _GROWTH = 1.25

@@ -7,11 +7,11 @@
 //! of them, [`firsts`] what came first of a session, [`id_nodes`] nodes whose transfer IDs do not count on, [`calls`]
 //! which responses belong to which requests, [`joint`] where several senders lack some, [`losses`] counts which
 //! transfers did not come, [`heard`] when nodes and their types were heard, [`paces`] where reports at a steady pace
-//! break, [`silences`] which frame came last before a time without any, [`alike`] which frames come again, [`load`] how
-//! long one takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key, [`seeded`] is how numbers are hashed, [`runs`] occurrences
-//! by what they are of, [`last_runs`] counts those that go on with a finding, [`rows`] writes the text of views, by
-//! templates, [`evidence`] frames of findings. None of them
-//! knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows
+//! break, [`silences`] which frame came last before a time without any, [`alike`] which frames come again, [`load`]
+//! how long one takes, [`motor`] how an ESC compares with its own past, [`grouped`] puts rows by key, [`seeded`] is
+//! how numbers are hashed, [`runs`] occurrences by what they are of, [`last_runs`] counts those that go on with a
+//! finding, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows
+//! Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows
 //! Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
