@@ -87,9 +87,12 @@ impl Sessions {
     /// Sessions that are new and for which there is room: those that were heard first, whatever their nodes and types,
     /// in order.
     fn admitted(&self, sent: &Sent<'_>) -> Vec<usize> {
+        let room = self.most - self.known.len();
+        if room == 0 {
+            return vec![];
+        }
         let unknown = |&k: &usize| !is_service(sent.codes[k]) && !self.places.contains_key(&sent.codes[k]);
         let mut new: Vec<usize> = (0..sent.codes.len()).filter(unknown).collect();
-        let room = self.most - self.known.len();
         if new.len() > room {
             new.sort_unstable_by_key(|&k| sent.heard(k));
             new.truncate(room);
