@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 
 use super::by_session::Sent;
+use crate::seeded::Seeded;
 use crate::session_code::is_service;
 use crate::wire::Tail;
 
@@ -30,7 +31,7 @@ struct Session {
 /// Follows the frames of each message type of a node, of the first `most` of these.
 #[derive(Clone, Debug)]
 pub struct Sessions {
-    places: HashMap<i64, usize>,
+    places: HashMap<i64, usize, Seeded>,
     known: Vec<Session>,
     most: usize,
     unproved: usize,
@@ -39,7 +40,7 @@ pub struct Sessions {
 impl Sessions {
     pub fn new(most: usize) -> Self {
         Sessions {
-            places: HashMap::new(),
+            places: HashMap::default(),
             known: vec![],
             most,
             unproved: 0,
