@@ -130,13 +130,16 @@ pub struct Cadence {
 }
 
 impl Cadence {
-    /// Begins anew, but what once was a wide counter remains one.
-    #[must_use]
-    pub fn anew(&self) -> Self {
+    /// Begins anew behind one that `carried` so much: what once was a wide counter remains one.
+    pub fn anew(carried: u8) -> Self {
         Cadence {
-            carried: self.carried,
+            carried,
             ..Cadence::default()
         }
+    }
+
+    pub fn carried(&self) -> u8 {
+        self.carried
     }
 
     pub fn note(&mut self, tail: u8) {

@@ -5,6 +5,8 @@
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+
+use crate::seeded::Seeded;
 use std::iter::once;
 
 const NO_TIME: i64 = i64::MIN;
@@ -207,11 +209,11 @@ impl From<Part> for Call {
 #[derive(Clone, Debug)]
 pub struct Calls {
     limits: Limits,
-    talks: HashMap<i64, Talk>,
+    talks: HashMap<i64, Talk, Seeded>,
     order: BTreeMap<i64, i64>, // links as they were opened
     opened: i64,
-    held: HashSet<i64>,
-    heard: HashSet<i64>,
+    held: HashSet<i64, Seeded>,
+    heard: HashSet<i64, Seeded>,
     now: i64,
     gone: Vec<i64>, // of links that are followed no more
     slots: i64,
@@ -230,11 +232,11 @@ impl Calls {
     pub fn new(limits: Limits) -> Self {
         Calls {
             limits,
-            talks: HashMap::new(),
+            talks: HashMap::default(),
             order: BTreeMap::new(),
             opened: 0,
-            held: HashSet::new(),
-            heard: HashSet::new(),
+            held: HashSet::default(),
+            heard: HashSet::default(),
             now: NO_TIME,
             gone: vec![],
             slots: 0,

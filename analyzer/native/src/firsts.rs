@@ -3,6 +3,8 @@
 
 use std::collections::HashMap;
 
+use crate::seeded::Seeded;
+
 /// A time, and the number of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct First {
@@ -13,14 +15,14 @@ pub struct First {
 /// The first one of each key; further keys than `most` are left out.
 #[derive(Clone, Debug)]
 pub struct Firsts {
-    known: HashMap<i64, First>,
+    known: HashMap<i64, First, Seeded>,
     most: usize,
 }
 
 impl Firsts {
     pub fn new(most: usize) -> Self {
         Firsts {
-            known: HashMap::new(),
+            known: HashMap::default(),
             most,
         }
     }

@@ -9,6 +9,7 @@
 use std::collections::HashMap;
 
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 use around::Around;
 use begun_anew::Stated;
 use node::Node;
@@ -54,7 +55,7 @@ pub struct Events {
 #[derive(Clone, Debug, Default)]
 pub struct IdNodes {
     nodes: Vec<(Sender, Node)>,
-    places: HashMap<Sender, usize>,
+    places: HashMap<Sender, usize, Seeded>,
 }
 
 impl IdNodes {

@@ -4,6 +4,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::runs::{About, Apart, Groups, Piece, Place};
+use crate::seeded::Seeded;
 
 /// The number of those that are alike, and what keeps them apart: bus, node, type and key.
 type Key = (u64, i64, i64, i64, i64);
@@ -46,8 +47,8 @@ struct Kept {
 #[derive(Clone, Debug)]
 pub struct LastRuns {
     most_beyond: usize,
-    numbers: HashMap<Key, usize>,
-    beyond: HashMap<u64, HashSet<(i64, i64, i64)>>,
+    numbers: HashMap<Key, usize, Seeded>,
+    beyond: HashMap<u64, HashSet<(i64, i64, i64), Seeded>, Seeded>,
     kept: Vec<Kept>,
     changed: Vec<usize>,
     times: u64,
@@ -59,8 +60,8 @@ impl LastRuns {
     pub fn new(most_beyond: usize) -> Self {
         LastRuns {
             most_beyond,
-            numbers: HashMap::new(),
-            beyond: HashMap::new(),
+            numbers: HashMap::default(),
+            beyond: HashMap::default(),
             kept: vec![],
             changed: vec![],
             times: 0,

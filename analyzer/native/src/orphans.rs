@@ -3,6 +3,8 @@
 
 use std::collections::{HashMap, VecDeque};
 
+use crate::seeded::Seeded;
+
 const SESSIONS: usize = 1 << 12;
 /// Frames of a session that are looked through, the latest: those of two seconds and more.
 const FRAMES: usize = 256;
@@ -53,7 +55,7 @@ pub struct Place {
 /// The frames of each session that belong to no transfer.
 #[derive(Clone, Debug, Default)]
 pub struct Orphans {
-    sessions: HashMap<i64, Session>,
+    sessions: HashMap<i64, Session, Seeded>,
     /// Sessions with more frames than are looked through.
     full: Vec<i64>,
 }

@@ -229,16 +229,15 @@ impl Sender {
     }
 }
 
-/// Whether the time behind the first `MEMORY` periods of some reports is too short to be a break at a steady pace.
+/// Whether the time behind the first `MEMORY` periods of some reports is too short to be a break at a steady pace: that
+/// what `COMMON` periods and one do not exceed is at least a part of it. Most are, so nothing is put in order.
 fn is_short(reports: &[Report]) -> bool {
-    let mut single = [0.0; MEMORY];
-    for (one, pair) in single.iter_mut().zip(reports.windows(2)) {
-        let lost = pair[1].lost.wrapping_sub(pair[0].lost) as f64;
-        *one = pair[1].t.wrapping_sub(pair[0].t) as f64 / (1.0 + lost); // from one to the next, lost or not
-    }
     let took = reports[MEMORY + 1].t.wrapping_sub(reports[MEMORY].t) as f64;
-    let (_, common, _) = single.select_nth_unstable_by(COMMON, f64::total_cmp);
-    took <= FAR * *common
+    let far = |pair: &&[Report]| {
+        let lost = pair[1].lost.wrapping_sub(pair[0].lost) as f64;
+        took > FAR * (pair[1].t.wrapping_sub(pair[0].t) as f64 / (1.0 + lost)) // from one to the next, lost or not
+    };
+    reports[..=MEMORY].windows(2).filter(far).count() <= COMMON
 }
 
 #[cfg(test)]

@@ -61,7 +61,7 @@ pub struct Results {
 enum Standing {
     Trusted(Box<Session>),
     Foreign,
-    /// On probation, as long as few frames have come.
+    /// On probation, as long as few frames have come, or few since it was foreign.
     Early(Early),
     Probation(Box<Trial>),
 }
@@ -115,6 +115,8 @@ pub struct Reassembler {
     counts: [u64; VERDICTS],
     /// Frames held back by sessions on probation.
     held: usize,
+    /// The room of a trial that is over: each frame of a session on probation may need one.
+    spare: Option<Box<Trial>>,
     /// The session that held the oldest of them when somebody asked, and that frame.
     oldest: Option<(usize, u64)>,
     /// The time of the last frame that had one, on all buses and on each.
@@ -139,6 +141,7 @@ impl Reassembler {
             next_frame: 0,
             counts: [0; VERDICTS],
             held: 0,
+            spare: None,
             oldest: None,
             now: NO_TIME,
             bus_time: [NO_TIME; 256],
@@ -225,14 +228,9 @@ impl Reassembler {
     #[cold]
     fn open_session(&mut self, bus: u8, bits: u32) -> Option<usize> {
         let at = self.index.insert(key(bus, bits))?;
-        let standing = Standing::Early(Early::default());
+        let standing = Standing::Early(Early::new(None));
         self.sessions.push(Place { bus, bits, standing });
         Some(at)
-    }
-
-    fn session(&mut self, bus: u8, bits: u32) -> Session {
-        let id = Id::of_session(bits);
-        Session::new(id, bus, self.known(id))
     }
 
     fn known(&mut self, id: Id) -> Candidates {

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use crate::seeded::Seeded;
 use crate::wire::Tail;
 
 /// What is kept: open ones at most, frames of one that are named, and in which time the next frame comes.
@@ -60,7 +61,7 @@ impl Slots {
 #[derive(Clone, Debug)]
 pub struct Remainders {
     limits: Limits,
-    open: HashMap<i64, Open>,
+    open: HashMap<i64, Open, Seeded>,
     order: BTreeMap<i64, i64>, // sessions by serial numbers
     next: i64,
     slots: Slots,
@@ -70,7 +71,7 @@ impl Remainders {
     pub fn new(limits: Limits) -> Self {
         Remainders {
             limits,
-            open: HashMap::new(),
+            open: HashMap::default(),
             order: BTreeMap::new(),
             next: 0,
             slots: Slots::default(),

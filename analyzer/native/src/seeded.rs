@@ -45,6 +45,10 @@ impl Hasher for Seeded {
         self.write_u64(number.into());
     }
 
+    fn write_u32(&mut self, number: u32) {
+        self.write_u64(number.into());
+    }
+
     fn write_usize(&mut self, number: usize) {
         self.write_u64(number as u64);
     }

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use crate::seeded::Seeded;
 use crate::slot::Slot;
 use crate::transfers::{anomaly, when, NO_GAP, NO_STEP};
 use crate::wire::Id;
@@ -29,7 +30,7 @@ pub type Candidates = Arc<[Known]>;
 
 /// The data types that somebody was asked for: what is known of each, by (is a service, data type ID).
 pub struct Resolved {
-    known: HashMap<(bool, u16), Candidates>,
+    known: HashMap<usize, Candidates, Seeded>,
     /// A bit each for those of which nothing is known, as of most in noise.
     unknown: Vec<u64>,
     nothing: Candidates,
@@ -38,7 +39,7 @@ pub struct Resolved {
 impl Default for Resolved {
     fn default() -> Self {
         Resolved {
-            known: HashMap::new(),
+            known: HashMap::default(),
             unknown: vec![0; TYPES / 64],
             nothing: Candidates::default(),
         }
@@ -48,28 +49,27 @@ impl Default for Resolved {
 impl Resolved {
     /// None for one that nobody was asked for.
     pub fn get(&self, service: bool, type_id: u16) -> Option<Candidates> {
-        let (word, bit) = place(service, type_id);
-        if self.unknown[word] & bit != 0 {
+        let at = place(service, type_id);
+        if self.unknown[at / 64] & 1 << (at % 64) != 0 {
             return Some(Arc::clone(&self.nothing));
         }
-        self.known.get(&(service, type_id)).cloned()
+        self.known.get(&at).cloned()
     }
 
     pub fn insert(&mut self, service: bool, type_id: u16, known: Vec<Known>) -> Candidates {
+        let at = place(service, type_id);
         if known.is_empty() {
-            let (word, bit) = place(service, type_id);
-            self.unknown[word] |= bit;
+            self.unknown[at / 64] |= 1 << (at % 64);
             return Arc::clone(&self.nothing);
         }
         let known = Candidates::from(known);
-        self.known.insert((service, type_id), Arc::clone(&known));
+        self.known.insert(at, Arc::clone(&known));
         known
     }
 }
 
-fn place(service: bool, type_id: u16) -> (usize, u64) {
-    let at = usize::from(service) << 16 | usize::from(type_id);
-    (at / 64, 1 << (at % 64))
+fn place(service: bool, type_id: u16) -> usize {
+    usize::from(service) << 16 | usize::from(type_id)
 }
 
 #[derive(Debug)]
@@ -112,6 +112,18 @@ impl Session {
                 | when(service && id.src == 0, anomaly::SOURCE_ZERO)
                 | when(service && id.src == id.dst, anomaly::ADDRESSED_TO_ITSELF),
         }
+    }
+
+    /// As a new one, with the room of this one.
+    pub fn renew(&mut self, id: Id, bus: u8, known: Candidates) {
+        let (mut hot, mut others) = (std::mem::take(&mut self.hot), std::mem::take(&mut self.others));
+        hot.renew();
+        others.clear();
+        *self = Session {
+            hot,
+            others,
+            ..Session::new(id, bus, known)
+        };
     }
 
     pub fn is_known(&self) -> bool {

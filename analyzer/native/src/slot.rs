@@ -140,6 +140,15 @@ impl Default for Slot {
 impl Slot {
     pub const NOTHING: u8 = 0xFF;
 
+    /// As a new one, with the room of this one.
+    pub fn renew(&mut self) {
+        *self = Slot {
+            numbers: std::mem::take(&mut self.numbers),
+            bytes: std::mem::take(&mut self.bytes),
+            ..Slot::default()
+        };
+    }
+
     pub fn active(&self) -> bool {
         self.state != State::Closed
     }

@@ -4,7 +4,7 @@
 mod kept;
 mod staged;
 
-pub use kept::KeptRow;
+pub use kept::KeptRows;
 pub use staged::{Staged, SHORT_FRAMES, SHORT_PAYLOAD};
 
 use crate::frames::room_like;

@@ -13,7 +13,7 @@
 use crate::cadence::Cadence;
 use crate::session::Session;
 use crate::slot::Frame;
-use crate::transfers::{KeptRow, Row, Status};
+use crate::transfers::{KeptRows, Row, Status};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::{crc_start_from, Kind};
 
@@ -90,13 +90,19 @@ impl Kept {
     }
 }
 
+/// What is known of a session of a known type that once was foreign: it has to bring a real proof.
+#[derive(Clone, Copy, Debug)]
+pub struct Doubt {
+    carried: u8,
+}
+
 /// The evidence about one session.
 #[derive(Debug, Default)]
 pub struct Probation {
     pub held: Vec<Held>,
     /// All that came, if it may be anonymous after all.
     pub kept: Vec<Kept>,
-    pub transfers: Vec<KeptRow>,
+    pub transfers: KeptRows,
     cadence: Cadence,
     /// A known type that once was foreign has to bring a real proof.
     strict: bool,
@@ -110,13 +116,26 @@ pub struct Probation {
 }
 
 impl Probation {
-    /// Another chance for a known type that turned out to be foreign.
-    pub fn strict(before: &Probation) -> Self {
-        Probation {
-            strict: true,
-            cadence: before.cadence.anew(),
-            ..Probation::default()
+    /// What to know for another chance.
+    pub fn doubt(&self) -> Doubt {
+        Doubt {
+            carried: self.cadence.carried(),
         }
+    }
+
+    /// As a new one, with the room of this one.
+    pub fn renew(&mut self, doubt: Option<Doubt>) {
+        self.held.clear();
+        self.kept.clear();
+        self.transfers.clear();
+        *self = Probation {
+            held: std::mem::take(&mut self.held),
+            kept: std::mem::take(&mut self.kept),
+            transfers: std::mem::take(&mut self.transfers),
+            cadence: Cadence::anew(doubt.map_or(0, |doubt| doubt.carried)),
+            strict: doubt.is_some(),
+            ..Probation::default()
+        };
     }
 
     /// Takes note of one frame; returns the verdict to report for now. A known type is taken at its
@@ -238,8 +257,7 @@ impl Probation {
     fn complete(&self) -> impl Iterator<Item = Row<'_>> {
         let whole = |row: &Row<'_>| matches!(row.status, Status::Ok | Status::Unchecked | Status::BadCrc);
         let toggled = |row: &Row<'_>| row.anomaly & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
-        let rows = self.transfers.iter().map(KeptRow::row);
-        rows.filter(move |row| whole(row) && !toggled(row))
+        self.transfers.rows().filter(move |row| whole(row) && !toggled(row))
     }
 
     fn rising_run(&self) -> bool {

@@ -3,13 +3,15 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use crate::seeded::Seeded;
+
 /// One field of `bits` bits of many senders: what each last showed, and how far it has wrapped.
 ///
 /// A value that is lower than the one before it by more than half of the range has wrapped. Any other lower one is a
 /// restart: the counter goes on from the value itself, without the wraps so far.
 #[derive(Clone, Debug, Default)]
 pub struct Unwrapper {
-    last: HashMap<u32, State>,
+    last: HashMap<u32, State, Seeded>,
 }
 
 /// The raw value, and the sum of the wraps before it.

@@ -4,10 +4,12 @@
 
 use std::collections::HashMap;
 
+use crate::seeded::Seeded;
+
 /// Searches that each sender has left.
 #[derive(Clone, Debug)]
 pub struct Budget {
-    spent: HashMap<i64, u32>,
+    spent: HashMap<i64, u32, Seeded>,
     searches: u32,
     senders: usize,
 }
@@ -16,7 +18,7 @@ impl Budget {
     /// Of each sender `searches` may be made; so many `senders` are counted, further ones have none.
     pub fn new(searches: u32, senders: usize) -> Self {
         Budget {
-            spent: HashMap::new(),
+            spent: HashMap::default(),
             searches,
             senders,
         }
@@ -37,7 +39,7 @@ impl Budget {
 
     /// For which of these, in their order, a search may be made as things stand: senders that are new do not count.
     pub fn allows(&self, senders: &[i64]) -> Vec<u8> {
-        let mut asked: HashMap<i64, u32> = HashMap::new();
+        let mut asked: HashMap<i64, u32, Seeded> = HashMap::default();
         let allowed = senders.iter().map(|&sender| {
             let left = asked.entry(sender).or_insert_with(|| self.left(sender));
             let one = u8::from(*left > 0);
@@ -78,7 +80,7 @@ struct Known {
 /// The causes that were found for each sender, by the shape of its transfers.
 #[derive(Clone, Debug)]
 pub struct Causes {
-    known: HashMap<i64, Known>,
+    known: HashMap<i64, Known, Seeded>,
     senders: usize,
     shapes: usize,
 }
@@ -87,7 +89,7 @@ impl Causes {
     /// So many `senders` are known at most, and of each so many `shapes` are kept apart.
     pub fn new(senders: usize, shapes: usize) -> Self {
         Causes {
-            known: HashMap::new(),
+            known: HashMap::default(),
             senders,
             shapes,
         }

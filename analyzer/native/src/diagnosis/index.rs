@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 
 use super::Part;
 use crate::evidence::Frame;
+use crate::seeded::Seeded;
 
 /// Bits of an identifier that tell sessions apart: all but the priority.
 pub const SESSION: u32 = 0xFF_FFFF;
@@ -57,7 +58,7 @@ pub struct Index {
 #[derive(Debug)]
 struct Sessions {
     order: Vec<u32>,
-    places: HashMap<u32, Range<u32>>,
+    places: HashMap<u32, Range<u32>, Seeded>,
 }
 
 impl Index {
@@ -169,7 +170,7 @@ impl<'a> Columns<'a> {
 impl Sessions {
     fn of(columns: Columns<'_>) -> Self {
         let rows = columns.t.len();
-        let mut groups: HashMap<u32, u32> = HashMap::new();
+        let mut groups: HashMap<u32, u32, Seeded> = HashMap::default();
         let mut counts: Vec<u32> = vec![];
         let mut group_of = Vec::with_capacity(rows);
         let mut last = (0, None);

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 
 use super::by_session::Sent;
+use crate::seeded::Seeded;
 use crate::session_code::is_service;
 use crate::wire::Tail;
 
@@ -30,7 +31,7 @@ struct Session {
 /// Follows the frames of each message type of a node, of the first `most` of these.
 #[derive(Clone, Debug)]
 pub struct Sessions {
-    places: HashMap<i64, usize>,
+    places: HashMap<i64, usize, Seeded>,
     known: Vec<Session>,
     most: usize,
     unproved: usize,
@@ -39,7 +40,7 @@ pub struct Sessions {
 impl Sessions {
     pub fn new(most: usize) -> Self {
         Sessions {
-            places: HashMap::new(),
+            places: HashMap::default(),
             known: vec![],
             most,
             unproved: 0,
@@ -87,9 +88,12 @@ impl Sessions {
     /// Sessions that are new and for which there is room: those that were heard first, whatever their nodes and types,
     /// in order.
     fn admitted(&self, sent: &Sent<'_>) -> Vec<usize> {
+        let room = self.most - self.known.len();
+        if room == 0 {
+            return vec![];
+        }
         let unknown = |&k: &usize| !is_service(sent.codes[k]) && !self.places.contains_key(&sent.codes[k]);
         let mut new: Vec<usize> = (0..sent.codes.len()).filter(unknown).collect();
-        let room = self.most - self.known.len();
         if new.len() > room {
             new.sort_unstable_by_key(|&k| sent.heard(k));
             new.truncate(room);

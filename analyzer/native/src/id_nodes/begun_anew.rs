@@ -5,6 +5,7 @@ use std::collections::{HashSet, VecDeque};
 
 use super::step::{Rule, Step, NEAR, QUIET};
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 
 const SECOND: i64 = 1_000_000_000;
 const MOST_STATED: usize = 64;
@@ -76,7 +77,7 @@ impl BegunAnew {
     /// comes to 0 without another witness has lost what is before that.
     pub fn told(&self, anew: &[AtZero]) -> Vec<Rule> {
         let restarted = anew.iter().filter(|one| one.rule == Rule::Restarted);
-        let mut known: HashSet<i64> = restarted.map(|one| one.place).collect();
+        let mut known: HashSet<i64, Seeded> = restarted.map(|one| one.place).collect();
         let rule = |one: &AtZero| match one.rule {
             Rule::Restarted if !self.began_with(one, anew) => Rule::Gap,
             Rule::Repeated if known.insert(one.place) && self.began_with(one, anew) => Rule::Restarted,

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use super::begun_anew::Stated;
 use super::step::{Rule, Step};
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 
 /// Falls from the same ID that are no restarts.
 const WRAPS: usize = 3;
@@ -24,7 +25,7 @@ struct Alike {
 /// In a restart the uptime falls too, and the ID before 0 is a different one each time.
 #[derive(Clone, Debug)]
 pub struct EarlyWraps {
-    alike: HashMap<i64, Alike>,
+    alike: HashMap<i64, Alike, Seeded>,
     uptime: i64,
     /// When the uptime last fell, or was 0.
     fell: i64,
@@ -33,7 +34,7 @@ pub struct EarlyWraps {
 impl Default for EarlyWraps {
     fn default() -> Self {
         EarlyWraps {
-            alike: HashMap::new(),
+            alike: HashMap::default(),
             uptime: 0,
             fell: NO_TIME,
         }

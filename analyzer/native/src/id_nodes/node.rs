@@ -14,6 +14,7 @@ use super::shared_counter::SharedCounter;
 use super::step::{Cause, Explains, Rule, Step, Told, LATE, NEAR, QUIET};
 use super::walk::Walk;
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 
 const SECOND: i64 = 1_000_000_000;
 /// A node is judged anew after this time without a breach.
@@ -43,7 +44,7 @@ pub struct Node {
     /// Before the second of several senders came.
     since: i64,
     /// The ID that each session came to with its latest step, and how far that counted.
-    latest: HashMap<i64, (u8, u8)>,
+    latest: HashMap<i64, (u8, u8), Seeded>,
 }
 
 impl Default for Node {
@@ -59,7 +60,7 @@ impl Default for Node {
             next: NO_TIME,
             cause: None,
             since: NO_TIME,
-            latest: HashMap::new(),
+            latest: HashMap::default(),
         }
     }
 }

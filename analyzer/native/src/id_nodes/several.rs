@@ -13,6 +13,7 @@ use crate::diagnosis::index::{key, Frames, SESSION};
 use crate::diagnosis::interleaved::Chain;
 use crate::diagnosis::starts::{Latest, OddStart, Starts};
 use crate::frames::NO_TIME;
+use crate::seeded::Seeded;
 use crate::wire::Tail;
 
 /// Sessions of a node that are followed.
@@ -29,14 +30,14 @@ pub struct Shared {
 /// Follows the sessions of a node whose counters broke; `seen` is when one of several senders took over last.
 #[derive(Clone, Debug)]
 pub struct SeveralSenders {
-    followed: HashMap<i64, Counters>,
+    followed: HashMap<i64, Counters, Seeded>,
     pub seen: i64,
 }
 
 impl Default for SeveralSenders {
     fn default() -> Self {
         SeveralSenders {
-            followed: HashMap::new(),
+            followed: HashMap::default(),
             seen: NO_TIME,
         }
     }

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 
 use super::step::ID;
+use crate::seeded::Seeded;
 
 /// Messages that count together without a break, and of each type that is judged.
 const RUN: u64 = 20;
@@ -27,7 +28,7 @@ pub struct SharedCounter {
     last: Option<u8>,
     run: u64,
     /// Messages of each type, and how many of them did not count on in their own session.
-    types: HashMap<i64, (u64, u64)>,
+    types: HashMap<i64, (u64, u64), Seeded>,
     pub frames: Vec<u64>,
 }
 
@@ -37,7 +38,7 @@ impl SharedCounter {
             t,
             last: None,
             run: 0,
-            types: HashMap::new(),
+            types: HashMap::default(),
             frames: vec![],
         }
     }

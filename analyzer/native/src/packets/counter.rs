@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 use super::{Family, Found};
+use crate::seeded::Seeded;
 use std::collections::HashMap;
 
 /// What brought the bytes of a row: the message's bus, source node and data type.
@@ -23,7 +24,7 @@ struct Key {
 /// Last counts by carrier and unit, and by packet id below that: the document does not say which of them counts.
 #[derive(Default)]
 pub struct Counter {
-    last: HashMap<Key, u8>,
+    last: HashMap<Key, u8, Seeded>,
 }
 
 /// Columns beside [`Found`]; a cell holds only where its `*_valid` is 1.

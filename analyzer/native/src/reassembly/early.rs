@@ -1,20 +1,23 @@
-//! Sessions of which few frames have come, as noise opens them by the ten thousands: the frames are all that is kept of
-//! them. What else there is to know follows from these, and is made of them again whenever a further one comes.
+//! Sessions of which few frames have come, as noise opens them by the ten thousands, at first or since they were foreign:
+//! the frames are all that is kept of them. What else there is to know follows from these, and is made of them again whenever a further one comes.
 #![forbid(unsafe_code)]
 
 use super::{Reassembler, Standing, Trial};
 use crate::frames::MAX_CLASSIC;
+use crate::session::Session;
 use crate::slot::{elapsed, Frame, TIMEOUT_NS};
-use crate::trust::Probation;
+use crate::trust::{Doubt, Probation};
+use crate::wire::Id;
 
 /// Sessions of more frames are kept as what was made of them. Too few, and noise takes the room of senders; too many,
 /// and what is made again takes its time.
 const MOST: usize = 8;
 
 /// The first frames of a session.
-#[derive(Default)]
 pub(super) struct Early {
     frames: Vec<EarlyFrame>,
+    /// It was foreign before them.
+    doubt: Option<Doubt>,
     /// All that these began has timed out.
     expired: bool,
 }
@@ -61,6 +64,15 @@ impl EarlyFrame {
 }
 
 impl Early {
+    /// Of no frame yet.
+    pub(super) fn new(doubt: Option<Doubt>) -> Self {
+        Early {
+            frames: vec![],
+            doubt,
+            expired: false,
+        }
+    }
+
     /// With one frame more; none where it is to be kept as what was made of it.
     pub(super) fn and(mut self, frame: &Frame<'_>, remote: bool) -> Option<Early> {
         // Of times that go backwards, not the first frames but any would have timed out.
@@ -112,11 +124,26 @@ impl Reassembler {
         let Standing::Early(early) = &mut place.standing else {
             return None;
         };
-        let early = std::mem::take(early);
-        let (probation, session) = (Probation::default(), self.session(bus, bits));
-        let mut trial = Box::new(Trial { probation, session });
+        let early = std::mem::replace(early, Early::new(None));
+        let id = Id::of_session(bits);
+        let known = self.known(id);
+        let mut trial = if let Some(mut spare) = self.spare.take() {
+            spare.session.renew(id, bus, known);
+            spare
+        } else {
+            let (probation, session) = (Probation::default(), Session::new(id, bus, known));
+            Box::new(Trial { probation, session })
+        };
+        trial.probation.renew(early.doubt);
         early.hear_in(&mut trial);
         self.sessions[at].standing = Standing::Probation(trial);
         Some(early)
+    }
+
+    /// Keeps the room of a trial that is over; not that of many frames, for whose trial it is next may last.
+    pub(super) fn spare(&mut self, trial: Box<Trial>) {
+        if trial.probation.held.len() <= MOST {
+            self.spare = Some(trial);
+        }
     }
 }

@@ -1,11 +1,10 @@
 //! Whose traffic a session is turns out: what it held back is handed on, or is foreign. See [`crate::trust`].
 #![forbid(unsafe_code)]
 
-use super::{Reassembler, Standing, Trial, MAX_HELD, NOBODY, REMOTE_FRAME, SPEAKERS};
-use crate::session::Session;
+use super::{Early, Reassembler, Standing, Trial, MAX_HELD, NOBODY, REMOTE_FRAME, SPEAKERS};
 use crate::slot::Frame;
 use crate::transfers::Sink as _;
-use crate::trust::{Judgement, Kept, Probation};
+use crate::trust::{Judgement, Kept};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::Kind;
 
@@ -67,7 +66,9 @@ impl Reassembler {
         }
         if judgement == Judgement::Wait {
             if let Some(early) = early.and_then(|early| early.and(frame, remote)) {
-                *standing = Standing::Early(early);
+                if let Standing::Probation(trial) = std::mem::replace(standing, Standing::Early(early)) {
+                    self.spare(trial);
+                }
             }
             return Outcome {
                 verdict: reported,
@@ -99,33 +100,31 @@ impl Reassembler {
         let believed = judgement == Judgement::Believe;
         let speaker = self.speaker(at);
         let standing = &mut self.sessions[at].standing;
-        let Standing::Probation(trial) = std::mem::replace(standing, Standing::Foreign) else {
+        let Standing::Probation(mut trial) = std::mem::replace(standing, Standing::Foreign) else {
             return;
         };
-        let Trial { probation, mut session } = *trial;
-        if believed {
-            self.speakers[speaker] = true;
-            if let (Some(asked), false) = (&mut self.asked, probation.transfers.is_empty()) {
-                session.asked = asked(session.id);
-            }
-            *standing = Standing::Trusted(Box::new(session));
-        } else if session.is_known() {
+        let Trial { probation, session } = &mut *trial;
+        if !believed && session.is_known() {
             // It may still turn up where another protocol used its identifier before.
-            *standing = Standing::Probation(Box::new(Trial {
-                probation: Probation::strict(&probation),
-                session: Session::new(session.id, session.bus, session.known),
-            }));
+            *standing = Standing::Early(Early::new(Some(probation.doubt())));
         }
         self.held -= probation.held.len();
         for held in &probation.held {
             let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
             self.correct(held.frame, held.reported, outcome);
         }
-        if believed {
-            for kept in &probation.transfers {
-                self.staged.push(&kept.row());
-            }
+        if !believed {
+            self.spare(trial);
+            return;
         }
+        self.speakers[speaker] = true;
+        if let (Some(asked), false) = (&mut self.asked, probation.transfers.is_empty()) {
+            session.asked = asked(session.id);
+        }
+        for row in probation.transfers.rows() {
+            self.staged.push(&row);
+        }
+        self.sessions[at].standing = Standing::Trusted(Box::new(trial.session));
     }
 
     pub(super) fn correct(&mut self, frame: u64, reported: Verdict, outcome: Outcome) {

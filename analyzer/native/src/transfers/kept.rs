@@ -1,31 +1,45 @@
-//! Transfers that wait until somebody has decided whether they are any, one by one: most sessions have one or two.
+//! Transfers that wait until somebody has decided whether they are any: most sessions have one or two.
 #![forbid(unsafe_code)]
 
 use super::{Row, Sink};
 
-/// A row with frames and payload of its own.
-#[derive(Clone, Debug)]
-pub struct KeptRow {
-    row: Row<'static>,
-    frames: Box<[u64]>,
-    payload: Box<[u8]>,
+/// Rows, and the frames and payloads of all of them.
+#[derive(Clone, Debug, Default)]
+pub struct KeptRows {
+    rows: Vec<Row<'static>>,
+    /// Where the frames and the payload of each end.
+    ends: Vec<(usize, usize)>,
+    frames: Vec<u64>,
+    payload: Vec<u8>,
 }
 
-impl KeptRow {
-    pub fn of(row: &Row<'_>) -> Self {
-        KeptRow {
-            row: row.alone(),
-            frames: row.frames.into(),
-            payload: row.payload.into(),
-        }
+impl KeptRows {
+    pub fn len(&self) -> usize {
+        self.rows.len()
     }
 
-    pub fn row(&self) -> Row<'_> {
-        Row {
-            frames: &self.frames,
-            payload: &self.payload,
-            ..self.row
-        }
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Forgets all of them, and keeps the room.
+    pub fn clear(&mut self) {
+        self.rows.clear();
+        self.ends.clear();
+        self.frames.clear();
+        self.payload.clear();
+    }
+
+    pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        let mut from = (0, 0);
+        self.rows.iter().zip(&self.ends).map(move |(row, &end)| {
+            let begin = std::mem::replace(&mut from, end);
+            Row {
+                frames: &self.frames[begin.0..end.0],
+                payload: &self.payload[begin.1..end.1],
+                ..*row
+            }
+        })
     }
 }
 
@@ -54,11 +68,14 @@ impl Row<'_> {
     }
 }
 
-impl Sink for Vec<KeptRow> {
+impl Sink for KeptRows {
     fn push(&mut self, row: &Row<'_>) {
-        if self.len() == self.capacity() {
-            self.reserve_exact(self.len().max(1));
+        if self.rows.len() == self.rows.capacity() {
+            self.rows.reserve_exact(self.rows.len().max(1));
         }
-        self.push(KeptRow::of(row));
+        self.rows.push(row.alone());
+        self.frames.extend_from_slice(row.frames);
+        self.payload.extend_from_slice(row.payload);
+        self.ends.push((self.frames.len(), self.payload.len()));
     }
 }
