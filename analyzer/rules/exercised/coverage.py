@@ -12,6 +12,7 @@ import numpy as np
 
 from analyzer.facts.meaning import meaning
 from analyzer.rules.verdicts import RANKED
+from analyzer.tables import counted
 from dissectors.keys import CLAUSES
 from dissectors.records import dataclass, field
 from dissectors.toml_table import read
@@ -84,8 +85,12 @@ class Tracker:
 
     def _count(self, name: str, values: Any) -> None:
         counts = self._values[name]
-        one = len(values) > 0 and values.min() == values.max()  # mostly all say the same
-        for raw in (raw for raw in counts if not one or raw == values[0]):
+        if values.dtype.kind in "iu":
+            for raw, often in zip(*counted(values), strict=True):
+                if raw in counts:
+                    counts[raw] += often
+            return
+        for raw in counts:
             counts[raw] += int(np.count_nonzero(values == raw))
 
     def _enums(self) -> Iterator[tuple[str, str, str, Mapping[float, str]]]:
