@@ -90,8 +90,8 @@ class Tracker:
                 if raw in counts:
                     counts[raw] += often
             return
-        for raw in counts:
-            counts[raw] += int(np.count_nonzero(values == raw))
+        for known in counts:
+            counts[known] += int(np.count_nonzero(values == known))
 
     def _enums(self) -> Iterator[tuple[str, str, str, Mapping[float, str]]]:
         """Yield every field whose values have names: its name, table, column, texts."""
