@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from kit import encode
 from kit.judged import outcome, registry
 from kit.simulated import flight
@@ -14,6 +17,18 @@ from analyzer.decode.engine import Engine
 from analyzer.rules.catalogue import load
 from analyzer.rules.exercised.exercise import Exercises
 from analyzer.rules.view import Past
+
+_SENT: dict[str, dict[str, Any]] = {  # types of one frame each
+    "RawCommand": {"cmd": [0]},
+    "uavcan.equipment.safety.ArmingStatus": {"status": 0},
+    "uavcan.protocol.NodeStatus": {
+        "uptime_sec": 1,
+        "health": 0,
+        "mode": 0,
+        "sub_mode": 0,
+        "vendor_specific_status_code": 0,
+    },
+}
 
 
 def run(log: bytes, step: int = 10_000) -> Exercises:
@@ -78,6 +93,20 @@ def test_types_packets_and_their_order() -> None:
     pairs = {word for word in seen.words() if word.startswith("pair:")}
     assert {"pair:RawCommand>ESCStatus", "pair:ESCStatus>MotorStatus"} <= pairs
     assert "pair:ESCStatus>RawCommand" not in pairs
+
+
+@settings(max_examples=40)
+@given(st.lists(st.sampled_from(tuple(_SENT)), max_size=8), st.integers(1, 9))
+def test_pairs_are_of_the_first_and_the_last_whatever_the_batches(order: list[str], step: int) -> None:
+    traffic = Traffic()
+    for name in order:
+        traffic.send(name, _SENT[name], 1)
+    last = {name: at for at, name in enumerate(order)}
+    expected = {
+        f"pair:{one}>{other}" for one in last for other in last if one != other and order.index(one) < last[other]
+    }
+    seen = run(traffic.log, step).words()
+    assert {word for word in seen if word.startswith("pair:")} == expected
 
 
 @pytest.mark.slow

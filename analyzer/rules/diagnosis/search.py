@@ -95,7 +95,7 @@ def ask(view: View, question: int, lists: FrameLists) -> FrameSearch:
         return _NOTHING
     codes, which = np.unique(code, return_inverse=True)
     low, high = int(numbers.min()), int(numbers.max())
-    types = [view.types.framing(code) for code in codes.tolist()]
+    types = [*map(view.types.framing, codes.tolist())]
     form, flags, value, numbers_of, shown = diagnose(
         question, [*view.indexes(low - BEFORE, high + 1 + AHEAD)], types,
         (numbers.astype(np.uint64), offsets.astype(np.int64), which.astype(np.uint32), fd.astype(np.uint8)),

@@ -12,6 +12,7 @@ import numpy as np
 
 from analyzer.facts.meaning import meaning
 from analyzer.rules.verdicts import RANKED
+from analyzer.tables import counted
 from dissectors.keys import CLAUSES
 from dissectors.records import dataclass, field
 from dissectors.toml_table import read
@@ -84,9 +85,13 @@ class Tracker:
 
     def _count(self, name: str, values: Any) -> None:
         counts = self._values[name]
-        one = len(values) > 0 and values.min() == values.max()  # mostly all say the same
-        for raw in (raw for raw in counts if not one or raw == values[0]):
-            counts[raw] += int(np.count_nonzero(values == raw))
+        if values.dtype.kind in "iu":
+            for raw, often in zip(*counted(values), strict=True):
+                if raw in counts:
+                    counts[raw] += often
+            return
+        for known in counts:
+            counts[known] += int(np.count_nonzero(values == known))
 
     def _enums(self) -> Iterator[tuple[str, str, str, Mapping[float, str]]]:
         """Yield every field whose values have names: its name, table, column, texts."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors import Registry
-    from dissectors.kit import DecodedTable, Exercise, View
+    from dissectors.kit import Array, DecodedTable, Exercise, View
     from dissectors.schema import CompoundType as Layout
     from dissectors.schema import Type
 
@@ -26,6 +26,7 @@ MOST_PAIRED = 64  # tables whose order is followed
 MOST_SENDERS = 1 << 16  # of bus, node and type; nodes that come later have one type each
 _ANONYMOUS, _REQUEST = KINDS.index("anonymous"), KINDS.index("request")
 _UNCHECKED, _BAD_CRC = STATUSES.index("unchecked"), STATUSES.index("bad crc")
+_OF_TRANSFERS = "transfers", "anonymous", "services", "unknown types", "CRC failures", "multi-frame"
 
 
 class Exercises:
@@ -43,18 +44,24 @@ class Exercises:
         self._words: set[str] = set()
         self._kinds: dict[str, frozenset[str]] = {}  # words of each table
         self._seen: set[str] = set()  # tables
-        self._spans: dict[str, tuple[int, int]] = {}
+        self._spans: dict[str, tuple[int, int]] = {}  # the first and the last transfer of each, as far as it matters
+        self._newest = 0  # the first transfer of the table that began last
+        self._early: set[str] = set()  # those that have had none since
         self._buses: set[int] = set()
         self._senders: set[int] = set()
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
         self._transport(view)
+        known = len(self._spans)
         for name in view.tables():
-            table = view.table(name)
-            words = self._words_of(view, name)
-            if table is not None and words is not None and table.good:
-                self._table(name, table, words)
+            if name not in self._seen:
+                self._first(view, name)
+        if len(self._spans) > known:
+            self._newest = max(first for first, _ in self._spans.values())
+            self._early = {name for name, (_, last) in self._spans.items() if last < self._newest}
+        if self._early:
+            self._go_on(view)
         self._turning.feed(view)
         for one in self._more:
             one.feed(view)
@@ -83,19 +90,19 @@ class Exercises:
             self._words.add("several interfaces")
         if not len(transfers):
             return
-        kinds = np.bincount(transfers.kind, minlength=len(KINDS))
-        statuses = np.bincount(transfers.status, minlength=len(STATUSES))
-        seen = {
-            "transfers": True,
-            "anonymous": kinds[_ANONYMOUS],
-            "services": kinds[_REQUEST:].any(),
-            "unknown types": statuses[_UNCHECKED],
-            "CRC failures": statuses[_BAD_CRC],
-            "multi-frame": "multi-frame" in self._words or transfers.has("crc_wire").any(),
-        }
-        self._words.update(word for word, was in seen.items() if was)
+        if not self._words.issuperset(_OF_TRANSFERS):
+            self._note_transfers(view)
         if "several types" not in self._words:
             self._note_senders(view)
+
+    def _note_transfers(self, view: View) -> None:
+        transfers = view.transfers
+        kinds = np.bincount(transfers.kind, minlength=len(KINDS))
+        statuses = np.bincount(transfers.status, minlength=len(STATUSES))
+        multi = "multi-frame" in self._words or transfers.has("crc_wire").any()
+        services = kinds[_REQUEST:].any()
+        seen = True, kinds[_ANONYMOUS], services, statuses[_UNCHECKED], statuses[_BAD_CRC], multi
+        self._words.update(word for word, was in zip(_OF_TRANSFERS, seen, strict=True) if was)
 
     def _note_senders(self, view: View) -> None:
         transfers = view.transfers
@@ -107,14 +114,27 @@ class Exercises:
         if "several types" in self._words or len(self._senders) > MOST_SENDERS:
             self._senders.clear()
 
-    def _table(self, name: str, table: DecodedTable, words: frozenset[str]) -> None:
-        if name not in self._seen:
-            self._seen.add(name)
-            self._words |= words
-        if name in self._spans or len(self._spans) < MOST_PAIRED:
-            numbers = table["transfer"] if table.good == len(table) else table["transfer"][table.trusted]
-            first, last = self._spans.get(name) or (numbers.item(0), 0)
-            self._spans[name] = first, max(last, numbers.item(-1))
+    def _first(self, view: View, name: str) -> None:
+        """Note a table that was not there before."""
+        table, words = view.table(name), self._words_of(view, name)
+        if table is None or words is None or not table.good:
+            return
+        self._seen.add(name)
+        self._words |= words
+        if len(self._spans) < MOST_PAIRED:
+            numbers = _trusted(table)
+            self._spans[name] = numbers.item(0), numbers.item(-1)
+
+    def _go_on(self, view: View) -> None:
+        """Note the last transfers of tables of which none came after the first one of the newest table."""
+        for name in [*self._early]:
+            table = view.table(name)
+            if table is not None and table.good:
+                first, last = self._spans[name]
+                last = max(last, _trusted(table).item(-1))
+                self._spans[name] = first, last
+                if last >= self._newest:
+                    self._early.remove(name)
 
     def _pairs(self) -> Iterator[str]:
         """Yield which tables came after which: the last one of B after the first one of A."""
@@ -134,6 +154,12 @@ class Exercises:
             own = (f"type:{name}", *_words(of.layout)) if packet is None else (f"packet:{packet.name}",)
             self._kinds[name] = frozenset(own)
         return self._kinds[name]
+
+
+def _trusted(table: DecodedTable) -> Array:
+    """Return the numbers of a table's trusted transfers."""
+    numbers = table["transfer"]
+    return numbers if table.good == len(table) else numbers[table.trusted]
 
 
 def _words(layout: Layout) -> Iterator[str]:

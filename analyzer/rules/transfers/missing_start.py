@@ -65,9 +65,11 @@ class _Remainders(NamedTuple):
         return found
 
     def lines(self, view: View, k: int) -> tuple[str, ...]:
-        """Return the lines of one that are kept."""
-        rows = np.arange(self.offsets.item(k), self.offsets.item(k + 1))
-        return tuple(filter(None, self.frames.look_up(view, rows)))
+        """Return the lines of one that are kept, and of its frames that are still there."""
+        low, high, known = self.offsets.item(k), self.offsets.item(k + 1), self.frames.lines
+        if high - low <= MOST_LINES and (known is None or not known[low:high].any()):  # mostly
+            return view.lines(self.numbers(k))
+        return tuple(filter(None, self.frames.look_up(view, np.arange(low, high))))
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""

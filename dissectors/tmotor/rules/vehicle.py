@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import View
+    from dissectors.tmotor.rules.joined.joins import RawCommands
 
 
 class VehicleExercise:
@@ -75,15 +76,21 @@ class VehicleExercise:
             below = "negative throttle" not in self._words and bool(sent.cmd.min(initial=0) < 0)
             if below and ((sent.cmd < 0) & (sent.cmd != NO_CHANNEL)).any():
                 self._words |= {"negative throttle", "bad throttle"}
-            last = self._commanded.get(bus, int(sent.t[0]))
-            if "bad throttle" not in self._words and (np.diff(sent.t, prepend=last) > 100 * MILLISECOND).any():
-                self._words.add("bad throttle")
-            if self._channels.get(bus, 0) > int(sent.counts.min()) or (np.diff(sent.counts) < 0).any():
-                self._words.add("bad throttle")  # a channel is left out
-            self._channels[bus] = int(sent.counts[-1])
-            self._commanded[bus] = int(sent.t[-1])
-        if any(view.end - t > 100 * MILLISECOND for t in self._commanded.values()):
+            if "bad throttle" not in self._words:
+                self._note_pauses(bus, sent)
+        if "bad throttle" not in self._words and any(
+            view.end - t > 100 * MILLISECOND for t in self._commanded.values()
+        ):
             self._words.add("bad throttle")
+
+    def _note_pauses(self, bus: int, sent: RawCommands) -> None:
+        last = self._commanded.get(bus, int(sent.t[0]))
+        if (np.diff(sent.t, prepend=last) > 100 * MILLISECOND).any():
+            self._words.add("bad throttle")
+        if self._channels.get(bus, 0) > int(sent.counts.min()) or (np.diff(sent.counts) < 0).any():
+            self._words.add("bad throttle")  # a channel is left out
+        self._channels[bus] = int(sent.counts[-1])
+        self._commanded[bus] = int(sent.t[-1])
 
 
 def _first(view: View, bus: int) -> int:
