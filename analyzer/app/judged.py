@@ -66,8 +66,7 @@ class JudgedRun:
             part.hashed = True
         try:
             for measured in self._check.measured(decoded):
-                if len(measured.batch.frames) < BATCH_ROWS:  # much is wrong, or it is the last one
-                    return_columns()
+                return_columns(faulty=len(measured.batch.frames) < BATCH_ROWS)  # else only the last one is short
                 self._check.feed(measured)
                 yield measured
                 del measured  # else it would be there while the next one is made

@@ -254,7 +254,10 @@ print(libc.mallinfo2().e - before >= 1 << 20)
 
 
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="another C library")
-@pytest.mark.parametrize(("then", "given_back"), [("", False), ("start.return_columns()", True)])
+@pytest.mark.parametrize(("then", "given_back"), [
+    ("", False), ("start.return_columns(faulty=True)", True),
+    ("start.return_columns(faulty=True); start.return_columns(faulty=False)", False),
+])  # fmt: skip
 def test_columns_are_given_back_to_the_system_once_that_is_asked_for(then: str, given_back: bool) -> None:
     script = MAPPED.replace("AND", then)
     done = subprocess.run(

@@ -25,7 +25,7 @@ def intervals(busy: list[float], shortest: float = 0.4, longest: float = 1.0) ->
 
 
 def test_quick_batches_come_as_often_as_somebody_wants_to_see_them() -> None:
-    assert intervals([0.001, 0.01, 0.02]) == [0.4] * 4
+    assert intervals([0.001, 0.01, 0.016]) == [0.4] * 4
 
 
 def test_slow_batches_take_4_percent_of_the_time() -> None:

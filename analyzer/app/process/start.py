@@ -72,15 +72,15 @@ def keep_memory(arenas: int = _ARENAS) -> None:
     _tune(_KEPT, _LARGE, arenas)
 
 
-def return_columns() -> None:
-    """Give back freed columns, where nobody else uses the process: for captures full of faults.
+def return_columns(*, faulty: bool) -> None:
+    """Give back freed columns as long as captures are `faulty`, where nobody else uses the process.
 
     What is told of the faults lives on between the columns of a batch: what these leave behind is too small for the
-    next ones, whose clearing costs little beside judging them.
+    next ones, whose clearing costs little beside judging them. Else columns are kept, as after `keep_memory`.
     """
     mallopt = _of_libc("mallopt")
     if mallopt is not None:
-        mallopt(_MMAP_THRESHOLD, _MIDDLE)
+        mallopt(_MMAP_THRESHOLD, _MIDDLE if faulty else _LARGE)
 
 
 def return_memory() -> None:

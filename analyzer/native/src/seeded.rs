@@ -33,7 +33,9 @@ impl BuildHasher for Seeded {
 
 impl Hasher for Seeded {
     fn finish(&self) -> u64 {
-        self.0
+        // Tables go by the lowest and the highest bits: each depends on all of them.
+        let all = (self.0 ^ self.0 >> 32).wrapping_mul(MIX);
+        all ^ all >> 32
     }
 
     fn write_u64(&mut self, number: u64) {
@@ -77,5 +79,16 @@ mod tests {
         assert!(hashes.len() >= 9_999);
         assert_eq!(seeded.hash_one(7_i64), seeded.hash_one(7_u64));
         assert_ne!(Seeded::new().hash_one(7_u64), seeded.hash_one(7_u64));
+    }
+
+    #[test]
+    fn regular_numbers_spread_over_a_table() {
+        for seed in (0..500_u64).map(|k| k.wrapping_mul(0xD129_0B26_28C5_74B1)) {
+            for shift in [0, 7, 8, 16, 24, 32, 40, 48] {
+                let hashes = (0..2048_u64).map(|k| Seeded(seed).hash_one(k << shift));
+                let places: HashSet<u64> = hashes.map(|hash| hash & 4095).collect();
+                assert!(places.len() > 900, "{seed:#x} {shift} {}", places.len());
+            }
+        }
     }
 }

@@ -20,10 +20,9 @@ ROWS = st.lists(
 
 
 def rows(told: list[Any]) -> _Rows:
-    node, t, values = zip(*told, strict=True) if told else ((), (), ())
-    number = np.arange(len(told))
-    columns = np.array(values, np.float64).reshape(len(told), 3).T
-    return _Rows(np.array(node, np.uint16), np.array(t, np.int64), columns, number, np.zeros(len(told), bool))
+    whole = [(node, t, number, 0) for number, (node, t, _) in enumerate(told)]
+    values = [values for *_, values in told]
+    return _Rows(np.array(whole, np.int64).reshape(-1, 4).T, np.array(values, np.float64).reshape(-1, 3).T)
 
 
 def is_outside(packet: Any, status: list[Any]) -> bool:
@@ -52,7 +51,8 @@ def test_packets_outside_of_the_reports_around_them(packets: list[Any], status: 
 @given(st.lists(st.lists(st.tuples(st.integers(0, 9), st.integers(-1, 3)), min_size=1, max_size=5), max_size=5))
 def test_losses_come_in_order_whenever_they_come_out(batches: list[list[tuple[int, int]]]) -> None:
     losses = _Losses(array("q"), array("q"))
+    batches = [sorted(told, key=lambda one: one[0]) for told in batches]
     for told in batches:
-        losses.add([lead for lead, _ in told], [lost for _, lost in told])
+        losses.add(*zip(*told, strict=True))
     every = sorted((one for told in batches for one in told), key=lambda one: one[0])
     assert [*zip(losses.lead, losses.lost, strict=True)] == every

@@ -125,26 +125,14 @@ class MalformedReports:
 
     def between(self, unit: ReportingEsc, start: int, stop: int) -> list[tuple[int, int]]:
         """Return the times from one to another without such reports."""
+        self._stretch()
         begin, found = start, []
-        known = self._of(unit.bus << _NODE_BITS | unit.node)
+        known = self._stretches.get(unit.bus << _NODE_BITS | unit.node)
         for first, last in () if known is None else sorted(zip(known.since, known.until, strict=True)):
             if last > begin and first < stop:
                 found.append((begin, max(first, begin)))
                 begin = last
         return [*found, (min(begin, stop), stop)]
-
-    def _of(self, node: int) -> _Stretches | None:
-        """Return the stretches of a node, with what waits."""
-        if len(self._stretches) + self._rows > MOST_UNITS:
-            self._stretch()  # only in their order it is known for whom there is room
-        known, late = self._stretches.get(node), [one for one in self._waiting if (one.node == node).any()]
-        if not late:
-            return known
-        found = _Stretches(array("q"), array("q")) if known is None else _Stretches(known.since[:], known.until[:])
-        for one in late:
-            mine = one.node == node
-            found.note(one.first[mine].tolist(), one.last[mine].tolist(), self._least)
-        return found
 
     def _astray(self, view: View, type_id: int) -> None:
         """Note frames that belong to no transfer."""

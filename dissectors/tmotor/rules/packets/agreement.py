@@ -137,8 +137,9 @@ class StatusAgreement(Rule):
         tolerance = self._tolerance(view)
         outside = _outside(packets, (status, values), window, tolerance)
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
+        node = packets.whole[0]
         for k in outside.tolist():
-            low, high = _span(status, int(packets.node[k]))
+            low, high = _span(status, node.item(k))
             first = low + status.t[low:high].searchsorted(packets.t[k] - window)
             last = low + status.t[low:high].searchsorted(packets.t[k] + window, "right")
             near = values[:, status.order[first:last]]
