@@ -72,4 +72,4 @@ def test_whoever_takes_the_rows_is_timed() -> None:
     source = LiveSource(loop, recording, "", BatchInterval(0.4, 1.0), lambda: None, lambda: next(clock))  # type: ignore[arg-type]
     assert list(source.chunks()) == [b""] * 10
     assert loop.asked[:2] == [0.4, pytest.approx(0.5)]
-    assert loop.asked[-1] == pytest.approx(19 * 0.04)
+    assert loop.asked[-1] == pytest.approx(24 * 0.04)
