@@ -5,9 +5,9 @@
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::iter::once;
 
 use crate::seeded::Seeded;
-use std::iter::once;
 
 const NO_TIME: i64 = i64::MIN;
 const NODES: i64 = 128;

@@ -1,5 +1,5 @@
-//! Hashes of numbers for tables that are asked for very many: faster than those of the standard library, and other ones each
-//! time, so that no capture can be made to slow a table down.
+//! Hashes of numbers for tables that are asked for very many: faster than those of the standard library, and other ones
+//! each time, so that no capture can be made to slow a table down.
 #![forbid(unsafe_code)]
 
 use std::collections::hash_map::RandomState;

@@ -161,7 +161,7 @@ class Stopped(Rule):
         """Return the breaks that wait like those of a session, and how many may."""
         if self._talks.code.item(place) >= 0:
             return self._doubts, _MOST
-        return self._unproved.get(place, []), _MOST_UNPROVED
+        return self._unproved.setdefault(place, []), _MOST_UNPROVED
 
     def _has_room(self, place: int) -> bool:
         waiting, most = self._waiting(place)
@@ -177,14 +177,11 @@ class Stopped(Rule):
         begin, stop = self._nodes.longest(nodes_of(codes), *spans)
         mostly = (stop - begin > _MOSTLY * (spans[1] - spans[0])).tolist()
         for (place, one, last), code, silent in zip(breaks, codes.tolist(), mostly, strict=True):
-            if not self._has_room(place):
-                continue
-            session = Session.of(code)
-            meanwhile = self._meanwhile(view, session, one) if silent else ()
-            waiting, _ = self._waiting(place)
-            waiting.append(_Doubt(session, place, one, last, meanwhile, ends))
-            if waiting is not self._doubts:
-                self._unproved[place] = waiting
+            waiting, most = self._waiting(place)
+            if len(waiting) < most:
+                session = Session.of(code)
+                meanwhile = self._meanwhile(view, session, one) if silent else ()
+                waiting.append(_Doubt(session, place, one, last, meanwhile, ends))
 
     def _meanwhile(self, view: View, session: Session, found: Break) -> tuple[Gap, ...]:
         """Return the gaps of a session's node that make up most of a break."""

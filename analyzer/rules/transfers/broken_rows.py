@@ -142,9 +142,10 @@ class BrokenTransfers:
 
     def one(self, rule: str, row: int) -> Incomplete:
         """Return one as breach of a rule."""
-        _, _, _, t, end, bus, src, _, code, fd, length, crc, wire, _, here, *_ = self._cells[:, row].tolist()
-        payload = self.payload(row) if rule in BY_CRC else b""
-        if rule not in BY_CRC or not crc:
-            wire = here = 0
-        frames = self.frames_of(row)
-        return Incomplete(rule, t, bus, src, code, bool(fd), frames, wire, here, payload, length + 2 * crc, end)
+        one = dict(zip(_NUMBERS, self._cells[:, row].tolist(), strict=True))
+        by_crc = rule in BY_CRC
+        wire, here = (one["wire"], one["here"]) if by_crc and one["crc"] else (0, 0)
+        return Incomplete(
+            rule, one["t"], one["bus"], one["src"], one["code"], bool(one["fd"]), self.frames_of(row), wire, here,
+            self.payload(row) if by_crc else b"", one["length"] + 2 * one["crc"], one["t_end"],
+        )  # fmt: skip

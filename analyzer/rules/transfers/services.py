@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import accumulate, islice, pairwise
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -113,14 +113,12 @@ class _Parts:
 
     def evidence(self, view: View) -> Callable[[int], tuple[str, ...]]:
         """Return what gives each as candump writes it, when its frames may be gone."""
-        pairs = zip(self._frames, self._lines, strict=True)
-        some = [numbers[: MOST_LINES * _SIZE] if kept is None else b"" for numbers, kept in pairs]
-        ends = [end // _SIZE for end in accumulate(map(len, some), initial=0)]
-        every = view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist()
+        unread = [k for k, kept in enumerate(self._lines) if kept is None]
+        read = dict(zip(unread, _lines_of(view, self._frames[unread]), strict=True))
 
         def lines(k: int) -> tuple[str, ...]:
-            kept: str | None = self._lines[k]
-            return tuple(kept.splitlines() if kept is not None else filter(None, every[ends[k] : ends[k + 1]]))
+            found = read.get(k)
+            return tuple(self._lines[k].splitlines()) if found is None else found
 
         return lines
 
@@ -128,11 +126,17 @@ class _Parts:
         """Keep the lines of those that begin before frame `end`."""
         rows = (self._unread < end).nonzero()[0]
         if len(rows):
-            some = [numbers[: MOST_LINES * _SIZE] for numbers in self._frames[rows]]
-            every = iter(view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist())
-            for k, numbers in zip(rows.tolist(), some, strict=True):
-                self._lines[k] = "\n".join(filter(None, islice(every, len(numbers) // _SIZE)))
+            for k, lines in zip(rows.tolist(), _lines_of(view, self._frames[rows]), strict=True):
+                self._lines[k] = "\n".join(lines)
             self._unread[rows] = NO_FRAME
+
+
+def _lines_of(view: View, frames: Array) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of some lists of frames, numbers of 8 bytes each; frames that are gone have none."""
+    some = [numbers[: MOST_LINES * _SIZE] for numbers in frames]
+    every = iter(view.each_line(np.frombuffer(b"".join(some), np.int64)).tolist())
+    for numbers in some:
+        yield tuple(filter(None, islice(every, len(numbers) // _SIZE)))
 
 
 class Services(Rule):

@@ -1,6 +1,6 @@
-//! Sessions of which few frames have come, as noise opens them by the ten thousands, at first or since they were foreign:
-//! the frames are all that is kept of them. What else there is to know follows from these, and is made of them again
-//! whenever a further one comes.
+//! Sessions of which few frames have come, as noise opens them by the ten thousands, at first or since they were
+//! foreign: the frames are all that is kept of them. What else there is to know follows from these, and is made of them
+//! again whenever a further one comes.
 #![forbid(unsafe_code)]
 
 use super::{Reassembler, Standing, Trial};

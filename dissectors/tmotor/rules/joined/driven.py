@@ -125,11 +125,8 @@ def _prefers_pwm(view: View) -> _Told:
     """Return when nodes of a batch said that PWM goes before CAN, or that it does not; several rules ask."""
     if view not in _pwm:
         said = priorities(view)
-        columns = (np.array(column, np.int64) for column in zip(*(one[:4] for one in said), strict=True))
-        _pwm[view] = _NOTHING
-        if said:
-            transfer, bus, node, priority = columns
-            _pwm[view] = _told(bus, node, transfer, priority == PWM)
+        transfer, bus, node, priority, _ = np.array(said, np.int64).reshape(-1, len(Priority._fields)).T
+        _pwm[view] = _told(bus, node, transfer, priority == PWM) if said else _NOTHING
     return _pwm[view]
 
 

@@ -177,7 +177,7 @@ class FrameCounts(Rule):
     def _doubt(
         self, view: View, hit: Hit, reading: int, past: list[KnownLosses], other: _Doubt | None
     ) -> _Doubt | None:
-        """Return whether a hit is one by a reading, of which there may be an `other` doubt already."""
+        """Return the doubt that a hit is by a reading, if any; the `other` of another reading has the same evidence."""
         table, row, step, t = hit.table, hit.row, hit.steps[reading], view.transfers
         at = int(table.row[row])
         if step in {None, 1} or _restarted(view, at) or _overtaken(view, at, step):
