@@ -169,16 +169,22 @@ class _Wanted:
 
     def _take_all(self, periods: Periods | None = None) -> tuple[list[JudgedCapture], bool]:
         """Judge one capture after the other; say whether somebody has ended that."""
+        from analyzer.app.process.start import return_freed  # noqa: PLC0415
+
         taken: list[JudgedCapture] = []
         for label, request in self.request.each().items():
-            one, run = self._take(request, label, periods)
+            one, stopped = self._take(request, label, periods)
             taken.append(one)
-            if run.stopped:
+            return_freed()  # a report needs none of what the rules have needed
+            if stopped:
                 return taken, True
         return taken, False
 
-    def _take(self, request: Request, label: str, periods: Periods | None) -> tuple[JudgedCapture, Run]:
-        """Judge one capture, or several as one. Complaints have been made when this is back."""
+    def _take(self, request: Request, label: str, periods: Periods | None) -> tuple[JudgedCapture, bool]:
+        """Judge one capture, or several as one; say whether somebody has ended that.
+
+        Complaints have been made when this is back.
+        """
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
         from analyzer.app.triage import RunTriage  # noqa: PLC0415
         from analyzer.cli.complaints import Complaints  # noqa: PLC0415
@@ -197,7 +203,7 @@ class _Wanted:
         if run.state == "refused":
             raise SystemExit(status.USAGE)
         run.go_on()
-        return judged.taken(label, triage=looked.found()), run
+        return judged.taken(label, triage=looked.found()), run.stopped
 
 
 def _usage(error: Exception) -> _UsageError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Course:
         self._last = 0
         self._frames = _Series()  # by bus
         self._bits = _Series()
-        self._transfers = _Series()  # by bus and node
+        self._transfers = _Series(np.int32)  # by bus and node: there are up to 4096
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -84,10 +84,10 @@ class Course:
 class _Series:
     """A number for each key and step; further keys than `MOST_KEYS` are left out."""
 
-    def __init__(self) -> None:
+    def __init__(self, number: type[np.signedinteger[Any]] = np.int64) -> None:
         self._known = 0
-        self._row_of = np.full(_KEYS, -1, np.int64)
-        self._counts = np.zeros((0, MOST_STEPS), np.int64)
+        self._row_of = np.full(_KEYS, -1, np.int32)
+        self._counts = np.zeros((0, MOST_STEPS), number)
 
     def add(self, keys: Array, at: Array, much: Array | int) -> None:
         """Add so much to steps of keys."""
@@ -120,4 +120,4 @@ class _Series:
         room = len(self._counts)
         if self._known > room:
             more = min(max(self._known - room, room), MOST_KEYS - room)
-            self._counts = np.concatenate((self._counts, np.zeros((more, MOST_STEPS), np.int64)))
+            self._counts = np.concatenate((self._counts, np.zeros((more, MOST_STEPS), self._counts.dtype)))

@@ -95,6 +95,7 @@ class Judge:
             self._labels |= {(bus, node): label for bus, node, label in name_units(view)}
         self._drops.feed(view)
         with np.errstate(all="ignore"):  # a bus may carry any bits, those of numbers that are none among them
+            self._release(view, view.end)  # first of all: what waits keeps the batch before this one
             for rule in self._rules:
                 self._take(rule.feed(view), view)
             if self._own is not None:

@@ -83,6 +83,13 @@ def return_columns(*, faulty: bool) -> None:
         mallopt(_MMAP_THRESHOLD, _MIDDLE if faulty else _LARGE)
 
 
+def return_freed() -> None:
+    """Give back once what is free by now, where nobody else uses the process: what comes next is of another size."""
+    trim = _of_libc("malloc_trim")
+    if trim is not None:
+        trim(0)
+
+
 def return_memory() -> None:
     """Give back what is freed, where nobody else uses the process: for sessions without end, whose batches are small.
 

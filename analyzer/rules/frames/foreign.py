@@ -143,36 +143,37 @@ class Foreign(Rule):
         places = self._standing(columns[0])
         if places is not None:
             _pick(columns, places)
+        del places  # they are large
         rows = _Rows(*columns)
         if self._marked:
             self._cyphal.update(rows.at(_places(rows.number, self._marked)).session.tolist())
         self._cleared, self._marked = [], []
-        done = _from_end(rows.bus.astype(np.uint32) << 24 | rows.id & 0xFF_FFFF) >= patience
-        done[: max(0, len(rows.number) - MOST_HELD)] = True
-        del rows
-        kept = _Rows(*_split(columns, done))
-        self._held, self._waiting = [kept], len(kept.number)
-        rows = _Rows(*columns)
-        del columns, done
+        if patience:
+            done = _waited(rows, patience)
+            del rows
+            kept = _Rows(*_split(columns, done))
+            self._held = [kept]
+            rows = _Rows(*columns)
+            del done
+        del columns
+        self._waiting = sum(len(kept.number) for kept in self._held)
         for start in range(0, len(rows.number), _TOLD):
             yield from self._found(rows.at(slice(start, start + _TOLD)))
 
     def _standing(self, number: Array) -> Array | None:
         """Return which frames are foreign, by their places in the order of numbers; None for all of them."""
-        places = None
+        places, stays = None, np.ones(len(number), bool)
         if (number[1:] <= number[:-1]).any():  # some were foreign after all
             places = number.argsort(kind="stable")
             number = number[places]
-            first = np.ones(len(number), bool)
-            np.not_equal(number[1:], number[:-1], out=first[1:])
-            if not first.all():
-                places, number = places[first], number[first]
-        if not self._cleared:
-            return places
+            np.not_equal(number[1:], number[:-1], out=stays[1:])
         for gone in self._cleared:
             self._lines.pop(gone, None)
-        stays = np.ones(len(number), bool)
-        stays[_places(number, self._cleared)] = False
+        if self._cleared:
+            stays[_places(number, self._cleared)] = False
+        if stays.all():
+            return places
+        del number  # it is large
         return stays.nonzero()[0] if places is None else places[stays]
 
     def _found(self, rows: _Rows) -> Iterator[Occurrences | Occurrence]:
@@ -278,6 +279,14 @@ def _cyphal_form(identifier: int) -> bool:
     """Return whether the reserved bits are those of a message or service of Cyphal/CAN, not of J1939 ending in FF."""
     message = identifier >> 21 & 7 == 3 and identifier >> 7 & 1 == 0
     return message or (identifier >> 25 & 1 == 1 and identifier >> 23 & 1 == 0)
+
+
+def _waited(rows: _Rows, patience: int) -> Array:
+    """Return which frames wait no longer: all but the last `patience` of each session, and the oldest ones."""
+    over = max(0, len(rows.number) - MOST_HELD)
+    done = np.ones(len(rows.number), bool)
+    done[over:] = _from_end(rows.bus[over:].astype(np.uint32) << 24 | rows.id[over:] & 0xFF_FFFF) >= patience
+    return done
 
 
 def _from_end(keys: Array) -> Array:

@@ -23,19 +23,21 @@ _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _BUS = 32  # bits below the bus in a session
 
 
-_COLUMNS = ("number", "session", "t", "id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
-_PLACES = {name: place for place, name in enumerate(_COLUMNS)}
+_WIDE = ("number", "session", "t")
+_NARROW = ("id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
+_PLACES = {name: (wide, place) for wide, names in ((1, _WIDE), (0, _NARROW)) for place, name in enumerate(names)}
 
 
 class LooseFrames:
-    """Frames outside of transfers, a row each: cells as in the table of frames, senders and types, all of them int64.
+    """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
 
     `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
     data. `kinds` are bits that say what is told of each. Those are `kept` (1) that waited from one batch to another:
     their lines are looked up when they are told, or before the frames are gone (2).
 
     Args:
-        cells: the columns, one below the other.
+        wide: the first three columns, one below the other, int64.
+        narrow: the others, int32.
         lines: one for each, empty if it was not looked up; None as long as none was.
     """
 
@@ -52,32 +54,33 @@ class LooseFrames:
     kinds: Array
     kept: Array
 
-    def __init__(self, cells: Array, lines: Array | None = None) -> None:
-        self.cells, self.lines = cells, lines
+    def __init__(self, wide: Array, narrow: Array, lines: Array | None = None) -> None:
+        self.wide, self.narrow, self.lines = wide, narrow, lines
 
     def __getattr__(self, name: str) -> Array:
         """Return a column."""
-        place = _PLACES.get(name)
-        if place is None:
+        known = _PLACES.get(name)
+        if known is None:
             raise AttributeError(name)
-        found: Array = self.cells[place]
+        wide, place = known
+        found: Array = (self.wide if wide else self.narrow)[place]
         return found
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return int(self.cells.shape[1])
+        return int(self.wide.shape[1])
 
     @classmethod
     def none(cls) -> LooseFrames:
         """Return no frames."""
-        return cls(np.empty((len(_COLUMNS), 0), np.int64))
+        return cls.blank(0)
 
     @classmethod
     def blank(cls, rows: int) -> LooseFrames:
         """Return rows without frames, of which no lines are looked up."""
-        cells = np.zeros((len(_COLUMNS), rows), np.int64)
-        cells[_PLACES["number"]] = NO_FRAME
-        return cls(cells)
+        blank = cls(np.zeros((len(_WIDE), rows), np.int64), np.zeros((len(_NARROW), rows), np.int32))
+        blank.number[:] = NO_FRAME
+        return blank
 
     @classmethod
     def of(cls, view: View, rows: Array, session: Array) -> LooseFrames:
@@ -94,15 +97,15 @@ class LooseFrames:
             (number, session, kept.t, *kept[2:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), *who)
             for number, session, kept, *who in found
         ]
-        return cls._of(*np.array(rows, np.int64).reshape(-1, len(_COLUMNS) - 2).T)
+        return cls._of(*np.array(rows, np.int64).reshape(-1, len(_PLACES) - 2).T)
 
     @classmethod
     def _of(cls, *columns: Array) -> LooseFrames:
         """Return them by all columns but the last two."""
-        cells = np.zeros((len(_COLUMNS), len(columns[0])), np.int64)
-        for place, column in enumerate(columns):
-            cells[place] = column
-        return cls(cells)
+        made = cls.blank(len(columns[0]))
+        for name, column in zip(_PLACES, columns, strict=False):
+            getattr(made, name)[:] = column
+        return made
 
     @classmethod
     def joined(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
@@ -117,23 +120,23 @@ class LooseFrames:
     @classmethod
     def behind_each_other(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
         """Return several in the order in which they are given."""
-        cells = np.concatenate([one.cells for one in parts], axis=1)
+        cells = [np.concatenate(some, axis=1) for some in zip(*((one.wide, one.narrow) for one in parts), strict=True)]
         if all(one.lines is None for one in parts):
-            return cls(cells)
-        return cls(cells, np.concatenate([_no_lines(len(one)) if one.lines is None else one.lines for one in parts]))
+            return cls(*cells)
+        return cls(*cells, np.concatenate([_no_lines(len(one)) if one.lines is None else one.lines for one in parts]))
 
     def take(self, rows: Array | slice) -> LooseFrames:
         """Return some of them: those at places, or those of a mask."""
         if isinstance(rows, slice):
-            cells = self.cells[:, rows]
+            cells = self.wide[:, rows], self.narrow[:, rows]
         else:
             rows = rows.nonzero()[0] if rows.dtype == bool else rows
-            cells = self.cells.take(rows, axis=1)
-        return LooseFrames(cells, None if self.lines is None else self.lines[rows])
+            cells = self.wide.take(rows, axis=1), self.narrow.take(rows, axis=1)
+        return LooseFrames(*cells, None if self.lines is None else self.lines[rows])
 
     def put(self, rows: Array, frames: LooseFrames) -> None:
         """Put others in place of some."""
-        self.cells[:, rows] = frames.cells
+        self.wide[:, rows], self.narrow[:, rows] = frames.wide, frames.narrow
         if self.lines is None and frames.lines is not None:
             self.lines = _no_lines(len(self))
         if self.lines is not None:

@@ -33,8 +33,8 @@ impl Remainders {
         py: Python<'py>,
         session: PyBuffer<i64>,
         t: PyBuffer<i64>,
-        tail: PyBuffer<i64>,
-        size: PyBuffer<i64>,
+        tail: PyBuffer<i32>,
+        size: PyBuffer<i32>,
         last: bool,
     ) -> PyResult<(Column<'py>, Column<'py>, Column<'py>, Column<'py>)> {
         let (session, t) = (session.to_vec(py)?, t.to_vec(py)?);
@@ -46,7 +46,7 @@ impl Remainders {
         let mut closed = vec![];
         let rows = session.into_iter().zip(t).zip(tail.into_iter().zip(size));
         let put = |((session, t), (tail, size))| {
-            let (tail, size) = (tail as u8, size - 1);
+            let (tail, size) = (tail as u8, i64::from(size) - 1);
             let frame = Frame { session, t, tail, size };
             self.0.add(frame, &mut closed).unwrap_or(-1)
         };
