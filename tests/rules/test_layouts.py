@@ -45,13 +45,16 @@ def views(text: bytes) -> list[BatchView]:
 
 
 def said(found: Iterable[Occurrences]) -> list[Any]:
-    return [
+    """Every breach with all that is said of it, by rule and place, however they are told together."""
+    rows = (
         (
-            one.rule, one.t.tolist(), one.bus.tolist(), one.node.tolist(), one.type.tolist(), one.frame.tolist(),
-            one.doubtful, [(one.values(k), one.frames(k)) for k in range(len(one.t))],
+            (one.rule, one.frame.item(k), str(one.values(k))), one.t.item(k), one.bus.item(k), one.node.item(k),
+            one.type.item(k), one.doubtful, one.values(k), one.frames(k),
         )
         for one in found
-    ]  # fmt: skip
+        for k in range(len(one.t))
+    )  # fmt: skip
+    return sorted(rows, key=lambda row: row[0])
 
 
 @pytest.mark.parametrize("few", [0, 40, 1 << 12])
@@ -62,7 +65,7 @@ def test_layouts_of_joined_tables(monkeypatch: pytest.MonkeyPatch, few: int) -> 
         for mine, plain in zip(*(views(odd_transfers(1500, seed)) for _ in range(2)), strict=True):
             found = said(Layouts().feed(mine))
             assert found == said(odd_layouts(plain))
-            rules |= {one[0] for one in found}
+            rules |= {place[0] for place, *_ in found}
     assert rules == set(Layouts.rules)
 
 

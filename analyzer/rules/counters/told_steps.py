@@ -58,20 +58,22 @@ class ToldSteps(NamedTuple):
         wide = [cells(column, np.int64) for column in (*when, begins)]
         return cls._make((*small[:4], *wide[:4], *small[4:], wide[4], cells(numbers, np.uint64)))
 
-    def occurrences(self) -> Iterator[Occurrences]:
-        """Yield those of a node that have the same rule and severity together, in the order in which these come."""
+    def occurrences(self, first: int = 0) -> Iterator[Occurrences]:
+        """Yield those together that have the same rule, severity and key, in the order in which these come.
+
+        Steps before the frame `first` come apart: lost frames that explain them are known, and their own soon gone.
+        """
         if not len(self.t):
             return
         gap, moved = self.rule == IS_GAP, self.marks & _MOVED != 0
         noted = np.where(moved, self.marks & _NOTED, gap * (self.marks & (LATE | EARLY))) != 0
         apart = np.where(moved, IS_GAP, self.rule) * 8 + moved * 4 + noted * 2 + (gap & (self.marks & ASTRAY != 0))
-        keys = (self.bus.astype(np.int64) << 8 | self.node) << 8 | apart
-        order, begins = by_key(keys)
-        ours, keys = self._take(order), keys[order]
+        order, begins = by_key(apart * 2 + (self.numbers[self.begins[:-1]] < first))
+        ours, apart = self._take(order), apart[order]
         lead = ours.numbers[ours.begins[:-1]].astype(np.int64)
         ends = [*begins.tolist(), len(order)]
         for _, begin, end in sorted(zip(order[begins].tolist(), ends, ends[1:], strict=False)):
-            yield ours.together(slice(begin, end), lead, keys.item(begin) & 0xFF)
+            yield ours.together(slice(begin, end), lead, apart.item(begin))
 
     def together(self, rows: slice, lead: Array, apart: int) -> Occurrences:
         """Return rows that are told together; `lead` are the first frames of all."""

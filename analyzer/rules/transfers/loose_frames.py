@@ -120,10 +120,11 @@ class LooseFrames:
     @classmethod
     def behind_each_other(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
         """Return several in the order in which they are given."""
-        cells = [np.concatenate(some, axis=1) for some in zip(*((one.wide, one.narrow) for one in parts), strict=True)]
-        if all(one.lines is None for one in parts):
-            return cls(*cells)
-        return cls(*cells, np.concatenate([_no_lines(len(one)) if one.lines is None else one.lines for one in parts]))
+        lines = None
+        if any(one.lines is not None for one in parts):
+            lines = np.concatenate([_no_lines(len(one)) if one.lines is None else one.lines for one in parts])
+        wide, narrow = [one.wide for one in parts], [one.narrow for one in parts]
+        return cls(np.concatenate(wide, axis=1), np.concatenate(narrow, axis=1), lines)
 
     def take(self, rows: Array | slice) -> LooseFrames:
         """Return some of them: those at places, or those of a mask."""

@@ -52,7 +52,7 @@ class TransferIds(Rule):
         known = view.start, view.gap_ends, least, view.end, view.starts, view.types.starts
         causes, told = self._nodes.feed(self._orphans.index, indexes, given, lists, known)
         yield from shown_causes(view, causes)
-        yield from ToldSteps.of(told).occurrences()
+        yield from ToldSteps.of(told).occurrences(view.frames.first)
 
     def finish(self, _view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what was held back at the end of the capture."""

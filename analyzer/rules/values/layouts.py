@@ -10,15 +10,12 @@ import numpy as np
 from analyzer.rules.values.bit_reader import PREFIX, TAIL, walk
 from analyzer.rules.values.shapes import BYTE, Shape, column_of, shape_of
 from dissectors.kit import Occurrences, Rule
-from dissectors.kit.order import spans
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from dissectors.kit import Array, Values, View
     from dissectors.kit.decoded import Context
-
-    _Found = Iterator[tuple[int, Occurrences]]
 
 
 class Layouts(Rule):
@@ -85,15 +82,7 @@ class _OddRows:
         self._length = view.transfers.length[self._transfer]
 
     def find(self) -> Iterator[Occurrences]:
-        """Yield their breaches, table by table."""
-        found: dict[int, list[Occurrences]] = {}
-        for at, one in self._each():
-            found.setdefault(at, []).append(one)
-        for at in sorted(found):
-            yield from found[at]
-
-    def _each(self) -> _Found:
-        """Yield them rule by rule, each with the place of its table."""
+        """Yield their breaches, rule by rule."""
         numbers = np.array([one.numbers for one in self._shapes], np.int64)[self._table].T
         least, least_counted, most, element, voids, counted, counted_bare = numbers
         left, bare = self._left, self._layout == TAIL
@@ -108,15 +97,12 @@ class _OddRows:
         closer |= self._counted & (np.where(bare, counted_bare, counted) > 0)
         yield from self._closer(closer.nonzero()[0])
 
-    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> _Found:
+    def _say(self, rule: str, rows: Array, values: Callable[[int], Values]) -> Iterator[Occurrences]:
         """Yield a breach in each row, of which `values` tells; rows are places in these columns, or a mask of them."""
-        rows = rows.nonzero()[0] if rows.dtype == bool else rows
-        for at, start, stop in spans(self._table[rows]):
-            yield at, self._part(rule, rows[start:stop], values)
-
-    def _part(self, rule: str, rows: Array, values: Callable[[int], Values]) -> Occurrences:
-        every = self._every
-        return Occurrences(
+        rows, every = rows.nonzero()[0] if rows.dtype == bool else rows, self._every
+        if not len(rows):
+            return
+        yield Occurrences(
             rule=rule, t=every.t[rows], bus=every.bus[rows], node=every.node[rows], type=every.type[rows],
             frame=every.frame[rows], values=lambda k: values(rows.item(k)), frames=lambda k: every.frames(rows.item(k)),
         )  # fmt: skip
@@ -125,7 +111,7 @@ class _OddRows:
     def _every(self) -> Occurrences:
         return self._view.among_transfers("", self._transfer, lambda _: {})
 
-    def _in_tails(self, rows: Array, element: Array) -> _Found:
+    def _in_tails(self, rows: Array, element: Array) -> Iterator[Occurrences]:
         """Yield what is wrong behind the array that ends a payload, whose `element` has so many bits."""
         elements: dict[int, int] = {}
         for at in np.bincount(self._table[rows]).nonzero()[0].tolist():
@@ -150,21 +136,20 @@ class _OddRows:
         yield from self._say("TYP-004", rows[left % step >= BYTE], torn)
         yield from self._say("TYP-005", rows[left >= step], many)
 
-    def _closer(self, rows: Array) -> _Found:
-        wrong: dict[tuple[int, str, str], dict[int, Values]] = {}
+    def _closer(self, rows: Array) -> Iterator[Occurrences]:
+        wrong: dict[tuple[str, str], dict[int, Values]] = {}
         for k in rows.tolist():
             seen = walk(self._shape(k).message.layout, self._payload(k), int(self._layout[k]))
-            at = int(self._table[k])
             if seen.tag is not None:
                 said = dict(zip(("field", "tag", "members"), seen.tag, strict=True))
-                wrong.setdefault((at, "TYP-011", seen.tag[0]), {})[k] = said
+                wrong.setdefault(("TYP-011", seen.tag[0]), {})[k] = said
             if seen.many is not None:
                 said = dict(zip(("field", "elements", "expected"), seen.many, strict=True))
-                wrong.setdefault((at, "TYP-005", seen.many[0]), {})[k] = said
+                wrong.setdefault(("TYP-005", seen.many[0]), {})[k] = said
             if seen.voids:
                 said = dict(zip(("bits", "value"), seen.voids[0], strict=True))
-                wrong.setdefault((at, "TYP-012", ""), {})[k] = said
-        for (_, rule, _), values in wrong.items():
+                wrong.setdefault(("TYP-012", ""), {})[k] = said
+        for (rule, _), values in wrong.items():
             yield from self._say(rule, np.array([*values]), values.__getitem__)
 
     def _shape(self, k: int) -> Shape:
