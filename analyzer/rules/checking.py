@@ -48,6 +48,12 @@ class Measured(NamedTuple):
     batch: Batch
     bits: Array
 
+    @classmethod
+    def of(cls, batch: Batch) -> Measured:
+        """Measure a batch, unless its core has done so."""
+        bits = batch.bit_times
+        return cls(batch, bit_times(FrameTable(batch.frames)) if bits is None else bits)
+
 
 class Check:
     """Adds up batches of one capture, first `measured` and then fed; memory is bounded.
@@ -74,9 +80,8 @@ class Check:
         for batch in batches:
             self._summary.feed(batch)
             self._clock.feed(batch)
-            bits = batch.bit_times
-            yield Measured(batch, bit_times(FrameTable(batch.frames)) if bits is None else bits)
-            del batch, bits  # else they would be there while the next ones are made
+            yield Measured.of(batch)
+            del batch  # else it would be there while the next one is made
 
     def feed(self, measured: Measured) -> None:
         """Add the next batch."""

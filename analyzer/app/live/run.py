@@ -43,9 +43,11 @@ if TYPE_CHECKING:
     from analyzer.live.interfaces.receiver import Receiver
     from analyzer.report.model import Report
 
-# Seconds between two batches: as a rule, and at most where judging them takes long.
+# Seconds between two batches: as a rule, and at most where making and showing them takes long; if nothing is shown,
+# where judging does.
 _INTERVALS = {"list": (0.2, 0.5), "monitor": (0.4, 1.0), "browser": (0.4, 1.0), "quiet": (0.5, 4.0)}
 _AT_ONCE = (0.1, 0.1)
+_UNTIL_JUDGED = 4.0  # seconds at most, of what is shown
 
 
 class LiveRun:
@@ -93,7 +95,8 @@ class LiveRun:
             )  # fmt: skip
             session = LiveSession(
                 loop, recording, request.name, self._criteria, self._views, BatchInterval(shortest, longest),
-                named=self._live_names if request.mode in ("browser", "monitor") else self._names, drawn=request.drawn,
+                named=self._live_names if request.mode in ("browser", "monitor") else self._names,
+                judging=BatchInterval(shortest, _UNTIL_JUDGED) if self._gathers else None, drawn=request.drawn,
             )  # fmt: skip
             self._add_views(stack, session, recording, say)
             with loop:
@@ -116,6 +119,11 @@ class LiveRun:
         if loop.unjudged:
             self.account.append(f"{loop.unjudged:,} frames are recorded, but not judged: judging was too slow")
         return report
+
+    @property
+    def _gathers(self) -> bool:
+        """True unless nothing is shown, or what is shown waits for findings anyway."""
+        return self._request.mode != "quiet" and self._names is None
 
     def _hub(self, stack: ExitStack) -> Hub:
         """Open the interfaces; return the hub that receives from now on."""

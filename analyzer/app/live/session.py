@@ -1,4 +1,4 @@
-"""One live session: what the hub gives is recorded, decoded, judged and shown, in this order."""
+"""One live session: what the hub gives is recorded, decoded, shown, and judged in longer batches if that is slow."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from analyzer.app.judged import JudgedRun
+from analyzer.app.live.gathered import Gathered
 from analyzer.app.live.source import LiveSource
 from analyzer.app.process.mapped import return_files
 from analyzer.app.process.start import end_start
@@ -14,6 +15,7 @@ from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
 from analyzer.report.newest import Newest
+from analyzer.rules.checking import Measured
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     from analyzer.live.capture_loop import CaptureLoop
     from analyzer.report.draft import JudgedCapture
     from analyzer.report.newest import Change
-    from analyzer.rules.checking import Measured
     from analyzer.rules.named_frames import TakesOccurrences
 
 
@@ -66,6 +67,7 @@ class LiveSession:
         criteria: rules and types.
         views: show it; more may be added until it runs.
         interval: how long rows are gathered for a batch.
+        judging: how long batches that were shown are gathered until they are judged; None if they are not gathered.
         now: seconds of a monotonic clock.
         named: is told which frames rules name.
         drawn: what happened is to have time lines.
@@ -82,6 +84,7 @@ class LiveSession:
         now: Callable[[], float] = time.monotonic,
         named: TakesOccurrences | None = None,
         *,
+        judging: BatchInterval | None = None,
         drawn: bool = False,
     ) -> None:
         self.loop = loop
@@ -93,6 +96,7 @@ class LiveSession:
         self.problems: list[str] = []
         self._views, self._recording, self._now = views, recording, now
         self._came: float | None = None  # the last row, until findings have been told that wait for more
+        self._gathered = Gathered(judging, now)
 
     @property
     def reading(self) -> Run:
@@ -112,7 +116,7 @@ class LiveSession:
         return_files()
         heard = 0
         for batch in self._run.batches():
-            self._judge(batch)
+            self._take(batch)
             if len(batch.frames) and heard < _AT_WORK:
                 heard += 1
                 if heard == 1:
@@ -120,6 +124,7 @@ class LiveSession:
                 if heard in (1, _AT_WORK):
                     return_files()  # what the first frames alone have needed
             del batch  # else it would be there while the next one is made
+        self._judge()
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""
@@ -161,18 +166,28 @@ class LiveSession:
             self._tell_early()
         self._show(lambda view: view.look(self))
 
-    def _judge(self, batch: Batch) -> None:
-        empty = not any(map(len, (batch.frames, batch.transfers, batch.events, batch.settled)))
-        if self._judged is None or empty:
-            return
-        self._came = self._now()
-        self._watch(batch)
-        try:
-            for measured in self._judged.feed(batch):
-                self._show(partial(_batch, measured))
-            self._tell_findings()
-        except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
-            self._give_up(error)
+    def _take(self, batch: Batch) -> None:
+        """Show a batch; judge what was gathered when it is time."""
+        if any(map(len, (batch.frames, batch.transfers, batch.events, batch.settled))):
+            self._came = self._now()
+            self._show(partial(_batch, Measured.of(batch)))
+            if self._judged is not None:
+                self._gathered.add(batch)
+        if self._gathered.due:
+            self._judge()
+
+    def _judge(self) -> None:
+        """Judge what was shown and is not judged yet."""
+        for batch in self._gathered.take():
+            if self._judged is None:
+                return
+            self._watch(batch)
+            try:
+                for _ in self._judged.feed(batch):
+                    pass
+                self._tell_findings()
+            except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
+                self._give_up(error)
 
     def _watch(self, batch: Batch) -> None:
         """Let triage look at a batch; if it fails, only its line at the end is missing."""
@@ -191,6 +206,7 @@ class LiveSession:
 
     def _tell_early(self) -> None:
         """Tell findings by the clock, as no frame does: the bus is silent."""
+        self._judge()
         if self._judged is None:
             return
         try:
