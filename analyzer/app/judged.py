@@ -1,4 +1,4 @@
-"""A run under all rules: they see every batch before anybody else does."""
+"""A run under all rules: who reads it gets its batches when they are judged."""
 
 from __future__ import annotations
 

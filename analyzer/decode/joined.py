@@ -13,7 +13,7 @@ from analyzer.decode.tables import LazyTables
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from dissectors.kit import Array
@@ -34,20 +34,21 @@ def joined(parts: Sequence[Batch]) -> Batch:
         verdict, anomaly = (numbers(settled.column(name))[inside] for name in ("verdict", "anomaly"))
         frames = _with_verdicts(frames, number[inside] - first.first_frame, verdict, anomaly)
         settled = settled.filter(pa.array(~inside))
-    names = dict.fromkeys(name for one in parts for name in one.messages)
+    tables = [one.messages for one in parts]
+    names = dict.fromkeys(name for one in tables for name in one)
     bits = [one.bit_times for one in parts if one.bit_times is not None]
     return replace(
         last, frames=frames, settled=settled,
         transfers=pa.concat_batches([one.transfers for one in parts]),
         events=pa.concat_batches([one.events for one in parts]),
-        messages=LazyTables({name: partial(_table, parts, name) for name in names}),
+        messages=LazyTables({name: partial(_table, tables, name) for name in names}),
         first_frame=first.first_frame, first_transfer=first.first_transfer,
         bit_times=np.concatenate(bits) if len(bits) == len(parts) else None,
     )  # fmt: skip
 
 
-def _table(parts: Sequence[Batch], name: str) -> pa.RecordBatch:
-    return pa.concat_batches([one.messages[name] for one in parts if name in one.messages])
+def _table(tables: Sequence[Mapping[str, pa.RecordBatch]], name: str) -> pa.RecordBatch:
+    return pa.concat_batches([one[name] for one in tables if name in one])
 
 
 def _with_verdicts(frames: pa.RecordBatch, rows: Array, verdict: Array, anomaly: Array) -> pa.RecordBatch:

@@ -44,6 +44,19 @@ def test_at_once_stays_at_once() -> None:
     assert set(intervals([5.0] * 9, 0.1, 0.1)) == {0.1}
 
 
+def test_a_batch_takes_no_longer_than_it_may_unless_it_is_the_shortest() -> None:
+    """Half a second of judging for each second of the bus."""
+    interval = BatchInterval(0.2, 4.0, 0.3)
+    found = []
+    for _ in range(40):
+        interval.took(0.5 * interval.seconds)
+        found.append(interval.seconds)
+    assert max(found) <= 0.625
+    assert found[-1] > 0.48
+    interval.took(30.0)
+    assert interval.seconds == 0.2
+
+
 @given(busy=st.lists(st.floats(0, 1e6)))
 def test_it_stays_between_its_bounds(busy: list[float]) -> None:
     assert all(0.2 <= seconds <= 0.5 for seconds in intervals(busy, 0.2, 0.5))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from contextlib import ExitStack
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+import can
 import pytest
 from cli.test_live_waiting import NS, Clocked
-from kit.command import CAPTURES
+from kit.command import CAPTURES, wait_until
 from kit.live import Frame, cut, stored
 
 from analyzer.app.judged import JudgedRun
@@ -16,6 +20,7 @@ from analyzer.app.live.batch_interval import BatchInterval
 from analyzer.app.live.gathered import Gathered
 from analyzer.app.live.session import LiveSession
 from analyzer.app.live.session_recording import SessionRecording
+from analyzer.cli import main
 from analyzer.cli.commands import parser
 from analyzer.cli.live import Wanted
 from analyzer.decode.engine import Engine
@@ -33,8 +38,8 @@ FAULTY = CAPTURES / "mission-8-faults.log"
 STEP = 100  # frames that come together
 
 
-def pieces(count: int) -> Iterator[Batch]:
-    engine = Engine()
+def pieces(count: int, engine: Engine | None = None) -> Iterator[Batch]:
+    engine = engine or Engine()
     lines = FAULTY.read_bytes().splitlines(keepends=True)
     for k in range(count):
         yield from engine.feed(b"".join(lines[k * STEP : (k + 1) * STEP]))
@@ -58,12 +63,22 @@ def test_batches_are_judged_together_when_it_is_time() -> None:
         some.add(batch)
         if some.due:
             for one in some.take():
-                found.append((round(clock.time, 1), len(one.frames)))
-                clock.time += 0.05  # judging takes 25 times as long as it may
-    (*_, last), rest = found, sum(len(one.frames) for one in some.take())
-    assert found[0] == (0.8, 4 * STEP)
-    assert last[1] > found[0][1]
-    assert sum(rows for _, rows in found) + rest == 30 * STEP
+                found.append(len(one.frames))
+                clock.time += 0.05  # judging takes more than it may
+    rest = sum(len(one.frames) for one in some.take())
+    assert found[0] == 3 * STEP
+    assert found[-1] > found[0]
+    assert sum(found) + rest == 30 * STEP
+
+
+def test_what_is_judged_quickly_is_judged_as_it_comes() -> None:
+    clock = Clock()
+    some = Gathered(BatchInterval(0.2, 4.0), clock)
+    for batch in pieces(5):
+        clock.time += 0.21
+        some.add(batch)
+        assert some.due
+        assert [*some.take()] == [batch]
 
 
 def test_without_an_interval_each_is_judged_at_once() -> None:
@@ -110,7 +125,7 @@ class Seen:
     def look(self, session: LiveSession) -> None: ...
 
 
-def session(record: Path, judging: BatchInterval | None) -> tuple[Seen, LiveSession, Any]:
+def run_session(record: Path, judging: BatchInterval | None) -> tuple[Seen, LiveSession, Any]:
     """A session of a capture with faults, after it has run; its clock is that of the frames."""
     rows = [row for row in stored(FAULTY, sound=False) if isinstance(row, Frame)]
     wanted = Wanted(parser().parse_args(["live", "virtual:here", "-w", str(record), "--force"]))
@@ -131,8 +146,8 @@ def session(record: Path, judging: BatchInterval | None) -> tuple[Seen, LiveSess
 
 
 def test_what_is_found_is_the_same(tmp_path: Path) -> None:
-    at_once, _, plain = session(tmp_path / "x.log", None)
-    later, made, report = session(tmp_path / "x.log", BatchInterval(3.0, 4.0))
+    at_once, _, plain = run_session(tmp_path / "x.log", None)
+    later, made, report = run_session(tmp_path / "x.log", BatchInterval(3.0, 4.0))
     assert not made.problems
     assert later.shown == at_once.shown
     assert 0 < later.order.count("found") < at_once.order.count("found")
@@ -142,13 +157,76 @@ def test_what_is_found_is_the_same(tmp_path: Path) -> None:
     assert set(later.told) <= {one.rule for one in report.findings}
 
 
-def test_what_comes_is_shown_though_judging_has_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object) -> Iterator[Measured]:
-        raise ZeroDivisionError("by a rule")
-        yield
+def fails(*_: object) -> Iterator[Measured]:
+    raise ZeroDivisionError("by a rule")
+    yield
 
-    monkeypatch.setattr(JudgedRun, "feed", fails)
-    view, made, report = session(tmp_path / "a.log", BatchInterval(3.0, 4.0))
+
+@pytest.mark.parametrize(("whose", "name"), [(JudgedRun, "feed"), (gathered, "joined")])
+def test_what_comes_is_shown_though_judging_has_failed(
+    whose: object, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(whose, name, lambda *given: next(fails(*given)))
+    view, made, report = run_session(tmp_path / "x.log", BatchInterval(3.0, 4.0))
     assert view.told == []
     assert report is None
     assert ["judging has ended" in one and "ZeroDivisionError" in one for one in made.problems] == [True]
+
+
+def test_a_list_is_ended_though_judging_has_failed(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with can.LogReader(FAULTY) as log:
+        frames = list(islice((message for message in log if not message.is_error_frame), 300))
+
+    def send() -> None:
+        with can.Bus("gathered", interface="virtual", ignore_config=True, preserve_timestamps=True) as bus:
+            wait_until(lambda: len(bus.channel) == 2)
+            for message in frames:
+                bus.send(message)
+
+    monkeypatch.setattr(JudgedRun, "feed", fails)
+    thread = threading.Thread(target=send)
+    thread.start()
+    main(["live", "virtual:gathered", "-c", str(len(frames)), "-T", "json"])
+    thread.join()
+    out, told = capfd.readouterr()
+    assert len(json.loads(out)) > 10
+    assert "judging has ended" in told
+
+
+def test_in_silence_it_is_judged_what_was_gathered(tmp_path: Path) -> None:
+    view, clock = Seen(), Clock()
+    wanted = Wanted(parser().parse_args(["live", "virtual:here", "-w", str(tmp_path / "x.log"), "--force"]))
+    with ExitStack() as stack:
+        recording = SessionRecording(wanted.request.plan, stack)
+        loop = Clocked([], [0], recording)
+        made = LiveSession(
+            loop, recording, "", wanted.criteria, [view], BatchInterval(0, 0), clock,  # type: ignore[arg-type, list-item]
+            judging=BatchInterval(60.0, 60.0),
+        )  # fmt: skip
+        for batch in pieces(60, made.reading.engine):
+            made._take(batch)
+        made._look()
+        assert (view.shown, view.told) == ([STEP] * 60, [])
+        clock.time += 2.5
+        made._look()
+        assert not made.problems
+        assert "CAN-002" in view.told
+        recording.close()
+
+
+@pytest.mark.parametrize(
+    ("more", "at_once"),
+    [
+        ([], False),
+        (["-Y", "RawCommand"], False),
+        (["-Y", "finding.rule"], True),
+        (["-l"], True),
+        (["-a", "finding:CAN-002"], True),
+        (["--exec", "true"], True),
+        (["-w", "x.log", "--trigger", "CAN-002"], True),
+    ],
+)
+def test_findings_do_not_wait_where_somebody_waits_for_them(more: list[str], at_once: bool) -> None:
+    assert Wanted(parser().parse_args(["live", "virtual:here", *more])).request.at_once is at_once

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 # A batch waits so many times as long as the last one took: judging and showing are 4 % of the time then, which is 5 us
 # a frame on a full bus.
 _PATIENCE = 24
@@ -15,13 +17,15 @@ class BatchInterval:
     Args:
         shortest: how often somebody wants to see what comes.
         longest: how long it may be in no case.
+        busy: how many seconds a batch may take, if it is not the shortest one.
     """
 
-    def __init__(self, shortest: float, longest: float) -> None:
+    def __init__(self, shortest: float, longest: float, busy: float = math.inf) -> None:
         self.seconds = self._shortest = shortest
-        self._longest = longest
+        self._longest, self._busy = longest, busy
 
     def took(self, busy: float) -> None:
         """Take the seconds that the last batch took, and choose the next interval by them."""
-        wanted = min(_PATIENCE * busy, self.seconds * _GROWTH, self._longest)
+        growth = _GROWTH if busy * _GROWTH <= self._busy else min(self._busy / busy, 1)
+        wanted = min(_PATIENCE * busy, self.seconds * growth, self._longest)
         self.seconds = max(wanted, self._shortest)

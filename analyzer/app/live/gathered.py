@@ -26,12 +26,10 @@ class Gathered:
         self._interval, self._now = interval, now
         self._batches: list[Batch] = []
         self._rows = 0
-        self._since = 0.0
+        self._since = now()  # the last time that they were judged
 
     def add(self, batch: Batch) -> None:
         """Add the next one."""
-        if not self._batches:
-            self._since = self._now()
         self._batches.append(batch)
         self._rows += len(batch.frames)
 
@@ -46,8 +44,11 @@ class Gathered:
         """Yield what was gathered as one batch, if there is any; whoever takes it is timed."""
         if not self._batches:
             return
-        start, batches = self._now(), self._batches
+        start, parts = self._now(), self._batches
         self._batches, self._rows = [], 0
-        yield joined(batches)
+        batch = joined(parts)
+        del parts  # they are large
+        yield batch
+        self._since = self._now()
         if self._interval is not None:
-            self._interval.took(self._now() - start)
+            self._interval.took(self._since - start)

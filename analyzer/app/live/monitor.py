@@ -85,6 +85,8 @@ class Display:
 
     def look(self, session: LiveSession) -> None:
         """Do what the user wished for, and leave a snapshot."""
+        if self._wishes:
+            session.catch_up()  # what came before a wish is found before it
         while self._wishes:
             if told := self._wishes.popleft()(session):
                 self.note(told)

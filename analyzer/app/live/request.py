@@ -43,6 +43,12 @@ class LiveRequest:
     drawn: bool = False
 
     @property
+    def at_once(self) -> bool:
+        """True if findings are to be told with the rows that they are about: somebody waits for them."""
+        plan, asked = self.plan, self.filter is not None and self.filter.asks_findings
+        return asked or self.flush or bool(plan.trigger or plan.autostop.findings or self.command)
+
+    @property
     def counted(self) -> set[str]:
         """The interfaces of which the kernel tells every drop."""
         return {interface.name for interface, _ in self.buses if interface.kind == "socketcan"}

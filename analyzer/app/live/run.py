@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from analyzer.live.interfaces.receiver import Receiver
     from analyzer.report.model import Report
 
-# Seconds between two batches: as a rule, and at most where making and showing them takes long; if nothing is shown,
-# where judging does.
+# Seconds between two batches: as a rule, and at most where that takes long.
 _INTERVALS = {"list": (0.2, 0.5), "monitor": (0.4, 1.0), "browser": (0.4, 1.0), "quiet": (0.5, 4.0)}
 _AT_ONCE = (0.1, 0.1)
-_UNTIL_JUDGED = 4.0  # seconds at most, of what is shown
+# Seconds at most until what is shown is judged, and that this may hold up what is shown.
+_UNTIL_JUDGED, _HELD_UP = 4.0, 0.3
 
 
 class LiveRun:
@@ -89,6 +89,7 @@ class LiveRun:
             hub = self._hub(stack)
             recording = SessionRecording(request.plan, stack)
             shortest, longest = _AT_ONCE if request.flush else _INTERVALS[request.mode]
+            gathers = request.mode != "quiet" and not request.at_once  # what shows nothing has long batches itself
             loop = CaptureLoop(
                 hub, recording.recorder, recording.autostop, self._control, recording.end, recording.header,
                 shortest,
@@ -96,7 +97,7 @@ class LiveRun:
             session = LiveSession(
                 loop, recording, request.name, self._criteria, self._views, BatchInterval(shortest, longest),
                 named=self._live_names if request.mode in ("browser", "monitor") else self._names,
-                judging=BatchInterval(shortest, _UNTIL_JUDGED) if self._gathers else None, drawn=request.drawn,
+                judging=BatchInterval(shortest, _UNTIL_JUDGED, _HELD_UP) if gathers else None, drawn=request.drawn,
             )  # fmt: skip
             self._add_views(stack, session, recording, say)
             with loop:
@@ -119,11 +120,6 @@ class LiveRun:
         if loop.unjudged:
             self.account.append(f"{loop.unjudged:,} frames are recorded, but not judged: judging was too slow")
         return report
-
-    @property
-    def _gathers(self) -> bool:
-        """True unless nothing is shown, or what is shown waits for findings anyway."""
-        return self._request.mode != "quiet" and self._names is None
 
     def _hub(self, stack: ExitStack) -> Hub:
         """Open the interfaces; return the hub that receives from now on."""
@@ -224,13 +220,11 @@ class LiveRun:
     def _concluded(self, session: LiveSession) -> Report | None:
         """Return the verdict, with the last that the views have to show; None if the rules have failed."""
         taken = session.conclude()
-        if taken is None:
-            return None
-        report = self._criteria.report([taken])
-        if self._plot is not None and not self._plot.failed:
+        report = None if taken is None else self._criteria.report([taken])
+        if taken is not None and report is not None and self._plot is not None and not self._plot.failed:
             self._plot.end(report, taken.checked.facts)
         if self._list is not None and not self._list.failed:
-            self._list.end(report.findings)
+            self._list.end(() if report is None else report.findings)
         return report
 
     def _saved(self, session: LiveSession) -> str:

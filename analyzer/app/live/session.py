@@ -124,7 +124,19 @@ class LiveSession:
                 if heard in (1, _AT_WORK):
                     return_files()  # what the first frames alone have needed
             del batch  # else it would be there while the next one is made
-        self._judge()
+        self.catch_up()
+
+    def catch_up(self) -> None:
+        """Judge what was shown and is not judged yet."""
+        try:
+            for batch in self._gathered.take():
+                self._watch(batch)
+                if self._judged is not None:
+                    for _ in self._judged.feed(batch):
+                        pass
+                    self._tell_findings()
+        except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
+            self._give_up(error)
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""
@@ -174,20 +186,7 @@ class LiveSession:
             if self._judged is not None:
                 self._gathered.add(batch)
         if self._gathered.due:
-            self._judge()
-
-    def _judge(self) -> None:
-        """Judge what was shown and is not judged yet."""
-        for batch in self._gathered.take():
-            if self._judged is None:
-                return
-            self._watch(batch)
-            try:
-                for _ in self._judged.feed(batch):
-                    pass
-                self._tell_findings()
-            except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
-                self._give_up(error)
+            self.catch_up()
 
     def _watch(self, batch: Batch) -> None:
         """Let triage look at a batch; if it fails, only its line at the end is missing."""
@@ -206,7 +205,7 @@ class LiveSession:
 
     def _tell_early(self) -> None:
         """Tell findings by the clock, as no frame does: the bus is silent."""
-        self._judge()
+        self.catch_up()
         if self._judged is None:
             return
         try:

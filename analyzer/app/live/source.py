@@ -25,7 +25,7 @@ class LiveSource:
         recording: its files can be read again, and are all that can.
         name: of the session, if nothing is recorded.
         interval: how long rows are gathered for a batch.
-        look: called after each batch, once that is judged.
+        look: called after each batch, once that is shown.
         now: seconds of a monotonic clock.
     """
 

@@ -59,7 +59,7 @@ class ToldSteps(NamedTuple):
         return cls._make((*small[:4], *wide[:4], *small[4:], wide[4], cells(numbers, np.uint64)))
 
     def occurrences(self, first: int = 0) -> Iterator[Occurrences]:
-        """Yield those together that have the same rule, severity and key, in the order in which these come.
+        """Yield those together that have the same rule and severity and say the same, in the order in which these come.
 
         Steps before the frame `first` come apart: lost frames that explain them are known, and their own soon gone.
         """
