@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.decode.tables import LazyTables
+from analyzer.decode.verdicts import with_verdicts
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from analyzer.decode.engine import Batch
-    from dissectors.kit import Array
 
 
 def joined(parts: Sequence[Batch]) -> Batch:
@@ -32,7 +32,7 @@ def joined(parts: Sequence[Batch]) -> Batch:
     inside = number >= first.first_frame
     if inside.any():
         verdict, anomaly = (numbers(settled.column(name))[inside] for name in ("verdict", "anomaly"))
-        frames = _with_verdicts(frames, number[inside] - first.first_frame, verdict, anomaly)
+        frames = with_verdicts(frames, number[inside] - first.first_frame, verdict, anomaly)
         settled = settled.filter(pa.array(~inside))
     tables = [one.messages for one in parts]
     names = dict.fromkeys(name for one in tables for name in one)
@@ -49,13 +49,3 @@ def joined(parts: Sequence[Batch]) -> Batch:
 
 def _table(tables: Sequence[Mapping[str, pa.RecordBatch]], name: str) -> pa.RecordBatch:
     return pa.concat_batches([one[name] for one in tables if name in one])
-
-
-def _with_verdicts(frames: pa.RecordBatch, rows: Array, verdict: Array, anomaly: Array) -> pa.RecordBatch:
-    """Return frames of which some rows have another verdict, and more anomalies."""
-    verdicts, anomalies = (numbers(frames.column(name)).copy() for name in ("verdict", "anomaly"))
-    verdicts[rows] = verdict  # of several of a frame the last one stays
-    np.bitwise_or.at(anomalies, rows, anomaly)
-    columns = {"verdict": pa.array(verdicts), "anomaly": pa.array(anomalies)}
-    every = [columns.get(name, frames.column(name)) for name in frames.schema.names]
-    return pa.RecordBatch.from_arrays(every, schema=frames.schema)

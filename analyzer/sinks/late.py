@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from analyzer.decode.verdicts import with_verdicts
 from analyzer.sinks.spool import Spool
 from analyzer.tables import FRAMES
 from dissectors.kit.cells import numbers
@@ -107,10 +108,4 @@ class _Late:
         there = rows[at.clip(max=len(rows) - 1)] == self._frame[some]
         if not there.any():
             return frames
-        verdict, anomaly = (numbers(frames.column(name)).copy() for name in ("verdict", "anomaly"))
-        verdict[at[there]] = self._verdict[some][there]
-        np.bitwise_or.at(anomaly, at[there], self._anomaly[some][there])
-        for name, values in (("verdict", verdict), ("anomaly", anomaly)):
-            k = FRAMES.get_field_index(name)
-            frames = frames.set_column(k, FRAMES.field(k), pa.array(values))
-        return frames
+        return with_verdicts(frames, at[there], self._verdict[some][there], self._anomaly[some][there])

@@ -13,6 +13,7 @@ import pytest
 from cli.test_live_waiting import NS, Clocked
 from kit.command import CAPTURES, wait_until
 from kit.live import Frame, cut, stored
+from kit.waiting import Clock
 
 from analyzer.app.judged import JudgedRun
 from analyzer.app.live import gathered
@@ -46,25 +47,17 @@ def pieces(count: int, engine: Engine | None = None) -> Iterator[Batch]:
         yield engine.flush()
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def __call__(self) -> float:
-        return self.time
-
-
 def test_batches_are_judged_together_when_it_is_time() -> None:
     clock = Clock()
-    some = Gathered(BatchInterval(0.5, 4.0), clock)
-    found: list[tuple[float, int]] = []
+    some = Gathered(BatchInterval(0.5, 4.0), clock.now)
+    found: list[int] = []
     for batch in pieces(30):
-        clock.time += 0.2
+        clock.seconds += 0.2
         some.add(batch)
         if some.due:
             for one in some.take():
                 found.append(len(one.frames))
-                clock.time += 0.05  # judging takes more than it may
+                clock.seconds += 0.05  # judging takes more than it may
     rest = sum(len(one.frames) for one in some.take())
     assert found[0] == 3 * STEP
     assert found[-1] > found[0]
@@ -73,16 +66,16 @@ def test_batches_are_judged_together_when_it_is_time() -> None:
 
 def test_what_is_judged_quickly_is_judged_as_it_comes() -> None:
     clock = Clock()
-    some = Gathered(BatchInterval(0.2, 4.0), clock)
+    some = Gathered(BatchInterval(0.2, 4.0), clock.now)
     for batch in pieces(5):
-        clock.time += 0.21
+        clock.seconds += 0.21
         some.add(batch)
         assert some.due
         assert [*some.take()] == [batch]
 
 
 def test_without_an_interval_each_is_judged_at_once() -> None:
-    some = Gathered(None, Clock())
+    some = Gathered(None, Clock().now)
     assert not some.due
     for batch in pieces(3):
         some.add(batch)
@@ -93,7 +86,7 @@ def test_without_an_interval_each_is_judged_at_once() -> None:
 
 def test_what_is_gathered_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gathered, "BATCH_ROWS", 5 * STEP)
-    some = Gathered(BatchInterval(4.0, 4.0), Clock())
+    some = Gathered(BatchInterval(4.0, 4.0), Clock().now)
     due = []
     for batch in pieces(5):
         some.add(batch)
@@ -202,14 +195,14 @@ def test_in_silence_it_is_judged_what_was_gathered(tmp_path: Path) -> None:
         recording = SessionRecording(wanted.request.plan, stack)
         loop = Clocked([], [0], recording)
         made = LiveSession(
-            loop, recording, "", wanted.criteria, [view], BatchInterval(0, 0), clock,  # type: ignore[arg-type, list-item]
+            loop, recording, "", wanted.criteria, [view], BatchInterval(0, 0), clock.now,  # type: ignore[arg-type, list-item]
             judging=BatchInterval(60.0, 60.0),
         )  # fmt: skip
         for batch in pieces(60, made.reading.engine):
             made._take(batch)
         made._look()
         assert (view.shown, view.told) == ([STEP] * 60, [])
-        clock.time += 2.5
+        clock.seconds += 2.5
         made._look()
         assert not made.problems
         assert "CAN-002" in view.told

@@ -17,15 +17,15 @@ class BatchInterval:
     Args:
         shortest: how often somebody wants to see what comes.
         longest: how long it may be in no case.
-        busy: how many seconds a batch may take, if it is not the shortest one.
+        most: how many seconds a batch may take, if it is not the shortest one.
     """
 
-    def __init__(self, shortest: float, longest: float, busy: float = math.inf) -> None:
+    def __init__(self, shortest: float, longest: float, most: float = math.inf) -> None:
         self.seconds = self._shortest = shortest
-        self._longest, self._busy = longest, busy
+        self._longest, self._most = longest, most
 
     def took(self, busy: float) -> None:
         """Take the seconds that the last batch took, and choose the next interval by them."""
-        growth = _GROWTH if busy * _GROWTH <= self._busy else min(self._busy / busy, 1)
+        growth = _GROWTH if busy * _GROWTH <= self._most else min(self._most / busy, 1)
         wanted = min(_PATIENCE * busy, self.seconds * growth, self._longest)
         self.seconds = max(wanted, self._shortest)

@@ -45,8 +45,13 @@ class LiveRequest:
     @property
     def at_once(self) -> bool:
         """True if findings are to be told with the rows that they are about: somebody waits for them."""
-        plan, asked = self.plan, self.filter is not None and self.filter.asks_findings
-        return asked or self.flush or bool(plan.trigger or plan.autostop.findings or self.command)
+        plan = self.plan
+        return self.asks_findings or self.flush or bool(plan.trigger or plan.autostop.findings or self.command)
+
+    @property
+    def asks_findings(self) -> bool:
+        """True if the rows of the list are chosen by findings."""
+        return self.filter is not None and self.filter.asks_findings
 
     @property
     def counted(self) -> set[str]:

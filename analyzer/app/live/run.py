@@ -74,8 +74,7 @@ class LiveRun:
         self._browser: LiveSupply | None = None
         self._status_file: StatusFile | None = None
         self._hook: FindingHook | None = None
-        asks = request.filter is not None and request.filter.asks_findings
-        self._names = RecentNames() if asks else None
+        self._names = RecentNames() if request.asks_findings else None
         self._live_names = LiveNames()
 
     def run(self) -> Report | None:
@@ -219,10 +218,11 @@ class LiveRun:
 
     def _concluded(self, session: LiveSession) -> Report | None:
         """Return the verdict, with the last that the views have to show; None if the rules have failed."""
-        taken = session.conclude()
-        report = None if taken is None else self._criteria.report([taken])
-        if taken is not None and report is not None and self._plot is not None and not self._plot.failed:
-            self._plot.end(report, taken.checked.facts)
+        taken, report = session.conclude(), None
+        if taken is not None:
+            report = self._criteria.report([taken])
+            if self._plot is not None and not self._plot.failed:
+                self._plot.end(report, taken.checked.facts)
         if self._list is not None and not self._list.failed:
             self._list.end(() if report is None else report.findings)
         return report

@@ -99,13 +99,12 @@ def return_memory() -> None:
     global _thresholds  # noqa: PLW0603 - a property of the process
     _thresholds = _IN_SESSIONS
     _tune(_SMALL, _SMALL)
-    trim = _of_libc("malloc_trim")
 
     def trim_with(phase: str, about: dict[str, int]) -> None:
         if phase == "stop" and about["generation"] == _OLDEST:
-            trim(0)
+            return_freed()
 
-    if trim is not None:
+    if _ours:
         gc.callbacks.append(trim_with)
 
 

@@ -25,7 +25,7 @@ _BUS = 32  # bits below the bus in a session
 
 _WIDE = ("number", "session", "t")
 _NARROW = ("id", "flags", "verdict", "tail", "size", "node", "code", "kinds", "kept")
-_PLACES = {name: (wide, place) for wide, names in ((1, _WIDE), (0, _NARROW)) for place, name in enumerate(names)}
+_PLACES = {name: (wide, place) for wide, names in ((True, _WIDE), (False, _NARROW)) for place, name in enumerate(names)}
 
 
 class LooseFrames:
